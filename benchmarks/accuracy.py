@@ -19,7 +19,7 @@ from typing import Annotated
 import torch
 from tyro.conf import OmitArgPrefixes, UseAppendAction
 
-from benchmarks.accuracy_sets import COLUMNS, KEPT_APART, SETS, Figures, Setting
+from benchmarks.accuracy_sets import COLUMNS, KEPT_APART, SETS, Figures, Variant
 from benchmarks.report import Common, Row, number, progress, report, start
 from evaluation.suite_runs import done_tasks
 from fitting_core.errors import InputError
@@ -53,7 +53,7 @@ class _Task:
     """One data set."""
 
     name: str
-    setting: Setting
+    variant: Variant
     threads: int
 
 
@@ -62,7 +62,7 @@ def _done(task: _Task) -> dict[str, Figures] | str:
     torch.set_num_threads(task.threads)
     ready.use(threads=task.threads)
     try:
-        return SETS[task.name](task.setting)
+        return SETS[task.name](task.variant)
     except (InputError, FileNotFoundError) as error:
         return str(error)
 
@@ -71,13 +71,13 @@ def run(options: Accuracy) -> None:
     """Fit and judge, and report."""
     config = fit_config(MethodOptions(preset=options.preset, set=options.set))
     before = {} if options.baseline is None else _read(options.baseline)
-    setting = Setting(config=config, body=options.common.load_body(), quick=options.quick)
+    variant = Variant(config=config, body=options.common.load_body(), quick=options.quick)
     names = [name for name in SETS if not (options.quick and name in KEPT_APART)]
     chosen = [name for name in names if not options.only or any(part in name for part in options.only)]
     if not chosen:
         raise InputError(f"--only {' '.join(options.only)}: is in no name; expected parts of {', '.join(names)}.")
     ready.prepare(progress)
-    tasks = [_Task(name=name, setting=setting, threads=options.common.threads) for name in chosen]
+    tasks = [_Task(name=name, variant=variant, threads=options.common.threads) for name in chosen]
     rows: list[Row] = [
         {"": label} | {column: figures.get(column) for column in COLUMNS}
         for label, figures in _all_done(tasks, options.workers).items()

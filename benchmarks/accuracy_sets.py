@@ -50,7 +50,7 @@ _PEOPLE, _QUICK_PEOPLE, _QUICK_WINDOWS = 48, 9, 5
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setting:
+class Variant:
     """How everything is fitted."""
 
     config: FitConfig
@@ -89,21 +89,21 @@ def _of_focal(clip: Clip, true: float) -> Figures:
     return off if estimate is None else off | {"f outside": float(not estimate.low <= true <= estimate.high)}
 
 
-def _smooth(setting: Setting, params: BodyParams) -> Figures:
-    return {"jitter mm/f²": metrics.jitter(joints_in_space(setting.body, params)[:, : JOINT["right_wrist"] + 1])}
+def _smooth(variant: Variant, params: BodyParams) -> Figures:
+    return {"jitter mm/f²": metrics.jitter(joints_in_space(variant.body, params)[:, : JOINT["right_wrist"] + 1])}
 
 
-def phone(setting: Setting, name: str) -> Rows:
+def phone(variant: Variant, name: str) -> Rows:
     """A phone's video with the joint centres of markers, and two learned systems in the same frames."""
     video = data_folder() / "opencap" / name / "video.mp4"
-    reference, last = _opencap(name), _PHONES[name] - 1 if setting.quick else None
+    reference, last = _opencap(name), _PHONES[name] - 1 if variant.quick else None
     rows: Rows = {}
     for focal, millimetres in (("26 mm", PHONE_MM), ("auto", None)):
         clip = read_clip(video, clip=ClipOptions(last_frame=last), camera=CameraOptions(focal_length_35mm=millimetres))
-        params, seconds = setting.fitted(clip)
-        found = setting.limbs(params)
+        params, seconds = variant.fitted(clip)
+        found = variant.limbs(params)
         true, others = _in_time(found, clip, reference)
-        rows[f"{name}, {focal}"] = _of_limbs(found, true) | _smooth(setting, params)
+        rows[f"{name}, {focal}"] = _of_limbs(found, true) | _smooth(variant, params)
         if focal == "auto":
             rows[f"{name}, {focal}"] |= _of_focal(clip, focal_from_35mm(PHONE_MM, clip.camera.size))
         rows[f"{name}, {focal}"]["s"] = seconds
@@ -141,31 +141,31 @@ def _errors(found: Limbs, clip: Clip, reference: Reference) -> np.ndarray:
     return limb_pa_mpjpe(found, np.where(frames[:, None, None] >= 0, reference.points[frames][:, kp.LIMBS], np.nan))
 
 
-def balancing(setting: Setting, camera: str) -> Rows:
+def balancing(variant: Variant, camera: str) -> Rows:
     """A man who balances, beside points triangulated from four views; OpenPose's keypoints and the detector's own."""
     rows: Rows = {}
     for keypoints in ("OpenPose", "detected"):
         for focal in ("true", "auto"):
             sample = read(camera, focal=focal, detected=keypoints == "detected")
             assert sample.truth is not None
-            params, seconds = setting.fitted(sample.clip)
-            found, true = setting.limbs(params), sample.truth[:, kp.LIMBS]
+            params, seconds = variant.fitted(sample.clip)
+            found, true = variant.limbs(params), sample.truth[:, kp.LIMBS]
             own = _of_limbs(found, true) | {"MPJPE mm": float(metrics.mpjpe(found, true, HIPS).mean())}
-            own |= _smooth(setting, params)
+            own |= _smooth(variant, params)
             if focal == "auto":
                 own |= _of_focal(sample.clip, read(camera).clip.camera.focal[0])
             rows[f"{camera}, {keypoints}, {focal} focal length"] = own | {"s": seconds}
     return rows
 
 
-def suite(setting: Setting, half: str) -> Rows:
+def suite(variant: Variant, half: str) -> Rows:
     """A half of the motion suite."""
     chosen = [sequence for sequence in motion_sequences().values() if sequence.half == half]
     records, own, seconds = list[DepthRecord](), list[tuple[str, Limbs, Limbs]](), 0.0
-    for sequence in chosen[:: _QUICK_WINDOWS if setting.quick else 1]:
+    for sequence in chosen[:: _QUICK_WINDOWS if variant.quick else 1]:
         made = make_motion(sequence, focal="true")
-        params, spent = setting.fitted(made.clip)
-        joints = joints_in_space(setting.body, params)
+        params, spent = variant.fitted(made.clip)
+        joints = joints_in_space(variant.body, params)
         records.append(measured(made, joints, method="", seconds=spent))
         own.append((sequence.shot.cut, joints[:, LIMB_JOINTS], made.truth.joints[:, LIMB_JOINTS]))
         seconds += spent
@@ -192,41 +192,41 @@ def _of_suite(records: list[DepthRecord], limbs: list[list[Limbs]]) -> Figures:
     return _of_limbs(found, true) | {column: own[title] or 0.0 for title, column in _OF_SUITE.items()}
 
 
-def standing(setting: Setting) -> Rows:
+def standing(variant: Variant) -> Rows:
     """People who stand upright: how far trunks are off, and how far knees are bent (4 degrees in truth), medians."""
     trunks, knees, seconds = list[float](), list[float](), 0.0
-    for number in range(_QUICK_PEOPLE if setting.quick else _PEOPLE):
+    for number in range(_QUICK_PEOPLE if variant.quick else _PEOPLE):
         made = case(number, frames=25, focal="default")
-        params, spent = setting.fitted(made.clip)
-        joints, middle = joints_in_space(setting.body, params), len(params) // 2
+        params, spent = variant.fitted(made.clip)
+        joints, middle = joints_in_space(variant.body, params), len(params) // 2
         trunks.append(lean(joints[middle], made.joints[middle]))
         knees.append(bend(joints[middle]))
         seconds += spent
     return {"standing people": {"knee °": float(np.median(knees)), "trunk °": float(np.median(trunks)), "s": seconds}}
 
 
-def carried(setting: Setting) -> Rows:
+def carried(variant: Variant) -> Rows:
     """People who glide, turn, or are filmed by a camera that pans: as near to the keypoints as without held feet."""
     rows: Rows = {}
     for name, way in CARRIED.items():
-        clip = carried_clip(setting.body, gesturing(way, frames=50 if setting.quick else 150))
-        fits = {"px p95": setting.fitted(clip), "none held": setting.fitted(clip, setting.free)}
+        clip = carried_clip(variant.body, gesturing(way, frames=50 if variant.quick else 150))
+        fits = {"px p95": variant.fitted(clip), "none held": variant.fitted(clip, variant.free)}
         rows[f"carried: {name}"] = {
-            column: float(np.percentile(pixel_errors(setting.body, params, clip), 95))
+            column: float(np.percentile(pixel_errors(variant.body, params, clip), 95))
             for column, (params, _) in fits.items()
         } | {"s": fits["px p95"][1]}
     return rows
 
 
-def signer(setting: Setting, name: str) -> Rows:
+def signer(variant: Variant, name: str) -> Rows:
     """A signer who sits upright: the trunk's lean, pelvis to neck."""
     clip = read(name).clip
-    params, seconds = setting.fitted(clip)
-    trunk = float(metrics.torso_lean(joints_in_space(setting.body, params)).mean())
-    return {f"signer, {name}": {"trunk °": trunk} | _smooth(setting, params) | {"s": seconds}}
+    params, seconds = variant.fitted(clip)
+    trunk = float(metrics.torso_lean(joints_in_space(variant.body, params)).mean())
+    return {f"signer, {name}": {"trunk °": trunk} | _smooth(variant, params) | {"s": seconds}}
 
 
-SETS: dict[str, Callable[[Setting], Rows]] = {
+SETS: dict[str, Callable[[Variant], Rows]] = {
     **{name: partial(phone, name=name) for name in _PHONES},
     **{name: partial(balancing, camera=name) for name in ("cam03", "cam04")},
     **{f"suite-{half}": partial(suite, half=half) for half in ("tuning", "untouched")},

@@ -51,7 +51,7 @@ class Downloaded:
     """Whether the checksum is one that was known before; else it is remembered from now on."""
 
 
-def announced(model: KnownModel) -> str:
+def download_notice(model: KnownModel) -> str:
     """What a user has to know before agreeing to a download."""
     checksum = model.sha256 or "none is known; that of the first download is shown and remembered"
     return "\n".join(

@@ -20,8 +20,8 @@ from fitting_core.fit.collision.colliding_body import CollidingBody
 from fitting_core.fit.evidence.given_start import corrected_start
 from fitting_core.fit.evidence.observations import LIFTED_HEIGHT, LifterEvidence, Observations, Stances
 from fitting_core.fit.objective import FrameObjective
+from fitting_core.fit.terms.context import TermContext, UsedKeypoints
 from fitting_core.fit.terms.positions import evidence_weight
-from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.table import camera_terms, stage_terms
 from fitting_core.fit.variables.estimate import SolverView
 from fitting_core.fit.variables.state import Free, Parametrisation, State
@@ -273,11 +273,11 @@ class Stages:
         return self.fitted.known & self.observations.shown
 
     @cached_property
-    def setting(self) -> Setting:
+    def context(self) -> TermContext:
         """What the terms are made from."""
         positioned = self.observations.relative_position_deviation.isfinite().any(2)
         fitted = self.fitted  # a function that held these stages would keep them until the next look for cycles
-        return Setting(
+        return TermContext(
             config=self.config,
             body=self.body,
             parametrisation=self.parametrisation,
@@ -304,16 +304,16 @@ class Stages:
         weights[kp.FACE] = w.face_keypoints[stage - 1]
         return weights
 
-    def _looked(self, joint_weights: Float[Tensor, "T 137"], chosen: Bool[Tensor, "137"]) -> Looked:
+    def _looked(self, joint_weights: Float[Tensor, "T 137"], chosen: Bool[Tensor, "137"]) -> UsedKeypoints:
         weight = self.observations.confidence * joint_weights * (IMAGE_SCALE / self.camera.size[1])
         used = ((joint_weights > 0).any(0) & chosen).nonzero()[:, 0]
-        return Looked(used, weight[:, used])
+        return UsedKeypoints(used, weight[:, used])
 
-    def _looked_in(self, stage: int) -> Looked:
+    def _looked_in(self, stage: int) -> UsedKeypoints:
         """Keypoints seen in any frame, or located by anything but the image in this stage."""
         o = self.observations
         known = o.relative_position_deviation.isfinite().any(2)
-        elsewhere = (known if evidence_weight(self.config, stage - 1) else o.told).any(0)
+        elsewhere = (known if evidence_weight(self.config, stage - 1) else o.depth_by_hand).any(0)
         return self._looked(
             self._joint_weights(stage).expand(len(self), -1), self._shown | (elsewhere & self.fitted.known)
         )
@@ -356,7 +356,7 @@ class Stages:
             free: what moves.
         """
         looked = self._looked_in(stage)
-        return FrameObjective(stage_terms(self.setting, looked, stage), self.view(looked.indices, state), free)
+        return FrameObjective(stage_terms(self.context, looked, stage), self.view(looked.indices, state), free)
 
     def camera_objective(self, depth: Float[Tensor, "T"]) -> FrameObjective:
         """The camera step: orientation and translation on the torso, depth held near its guess.
@@ -370,4 +370,4 @@ class Stages:
         weights = torch.where(self.observations.hips_seen[:, None], weights, weights + headed)
         looked = self._looked(weights, self._shown)
         free = Free(body=False, hands=False, face=False, betas=False)
-        return FrameObjective(camera_terms(self.setting, looked, depth), self.view(looked.indices, None), free)
+        return FrameObjective(camera_terms(self.context, looked, depth), self.view(looked.indices, None), free)

@@ -21,7 +21,7 @@ _OSMESA_CONSTANTS = {
 }
 
 
-def prepare(backend: str) -> None:
+def use_backend(backend: str) -> None:
     """Choose the backend of BACKENDS for this process. Call it before anything imports OpenGL or pyrender."""
     os.environ["PYOPENGL_PLATFORM"] = backend
     _leave_out_viewer()

@@ -20,7 +20,7 @@ from jaxtyping import Float, Int, UInt8
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
-from fitting_core.render.off_screen import BACKENDS, prepare
+from fitting_core.render.off_screen import BACKENDS, use_backend
 
 PROBE_SECONDS = 60
 DEFAULT_COLOR = (0.62, 0.68, 0.76)
@@ -31,8 +31,8 @@ _LIGHTS = (((-0.5, 0.7, 0.9), 2.3), ((0.9, 0.1, 0.6), 0.7), ((0.3, 0.6, -1.0), 0
 _AMBIENT = 0.14
 _PROBE = """
 import sys
-from fitting_core.render.off_screen import prepare
-prepare(sys.argv[1])
+from fitting_core.render.off_screen import use_backend
+use_backend(sys.argv[1])
 import pyrender
 scene = pyrender.Scene()
 scene.add(pyrender.Mesh([pyrender.Primitive(positions=[[-1, -1, -2], [1, -1, -2], [0, 1, -2]], mode=4)]))
@@ -115,7 +115,7 @@ def _load_pyrender() -> Any:
     backend = off_screen_gl()
     if backend is None:
         raise InputError(_no_gl_message())
-    prepare(backend)
+    use_backend(backend)
     import pyrender
 
     return pyrender

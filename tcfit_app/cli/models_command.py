@@ -122,12 +122,12 @@ def _fetch(name: str, *, agreed: bool) -> None:
         if all(networks.is_sound(network) for network in networks.NETWORKS):
             print(f"The networks are already in {networks.folder()}.")
             return
-        print(fetching.announced(), flush=True)
+        print(fetching.fetch_notice(), flush=True)
         _check_agreed(agreed, "Download them?")
         print(_fetched(fetching.fetch()))
         return
     for model in (KNOWN_MODELS[model] for model in (known.models if known is not None else (name,))):
-        print(download.announced(model), flush=True)
+        print(download.download_notice(model), flush=True)
         _check_agreed(agreed, "Download it?")
         got = _downloaded(model)
         checksum = "as expected" if got.checked else "unknown until now; stored for the next download"

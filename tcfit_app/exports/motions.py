@@ -15,8 +15,8 @@ from fitting_core.io.motion.bvh import write_bvh
 from fitting_core.io.motion.mesh_sequence import FACTS_NAME, file_stem
 from fitting_core.io.motion.smplifyx import write_smplifyx
 from fitting_core.io.motion_files import MOTION_FILES
-from fitting_core.io.points.contact_table import events_of
 from fitting_core.io.points.named_points import NamedPoints
+from fitting_core.io.points.tables import events_of
 from fitting_core.io.points.trc import write_trc
 from fitting_core.io.result_files import fit_arrays
 from fitting_core.motion import OWN_WORLD, Motion, Progress, stated_by_frame

@@ -11,8 +11,7 @@ from fitting_core.errors import InputError
 from fitting_core.io.motion.animation_npz import write_animation_npz
 from fitting_core.io.motion.mesh_sequence import write_obj_sequence
 from fitting_core.io.motion_files import MOTION_FILES
-from fitting_core.io.points.contact_table import write_contacts
-from fitting_core.io.points.joint_table import write_joints_csv
+from fitting_core.io.points.tables import write_contacts, write_joints_csv
 from fitting_core.measure.angles.angle_files import write_angles_csv, write_mot
 from fitting_core.motion import OWN_WORLD, Motion, Progress
 from fitting_core.plugins import Plugin, added, failures

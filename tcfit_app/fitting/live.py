@@ -28,7 +28,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig, without_collisions
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent
-from fitting_core.fit.evidence.sides import other_side
+from fitting_core.fit.evidence.sides import unswapped_keypoint
 from fitting_core.fit.fitting import Refit, rerun_events
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases.consistency import coupled
@@ -167,7 +167,7 @@ class LiveCorrection:
         dragged = self.correction.keypoints
         if self.correction.in_depth:
             swapped = self._stages.observations[self._frame : self._frame + 1].swaps
-            return [other_side(keypoint, swapped) for keypoint in dragged]
+            return [unswapped_keypoint(keypoint, swapped) for keypoint in dragged]
         return [_place(self._row, keypoint, xy) for keypoint, xy in zip(dragged, target, strict=True)]
 
     def _coupled(self, around: State, window: range) -> Sequence:

@@ -59,7 +59,7 @@ Source = Callable[[Path, Sequence[str]], Generator[FetchProgress, None, str]]
 """Puts the .tflite files of networks that are lacking into a folder, and returns why some are not among them."""
 
 
-def announced(place: Path | None = None) -> str:
+def fetch_notice(place: Path | None = None) -> str:
     """What a user has to know before agreeing to fetch what is lacking.
 
     Args:

@@ -1,14 +1,130 @@
-"""Which model a file holds, and opening it: one line for each family."""
+"""Families of models: which one a file holds, opening it, and decoding the boxes of the two that find people.
+
+RTMDet (Lyu et al. 2022, arXiv:2212.07784; MMDetection) is exported in three forms, distinguished by their outputs:
+
+| outputs | |
+|---|---|
+| dets (N, n, 5), labels (N, n) | with non-maximum suppression in the model ("end2end") |
+| (N, n, 4), (N, n, classes) | corners in input pixels and scores of all cells |
+| three (N, classes, h, w), three (N, 4, h, w) | the head as it is: logits, and distances to the sides in input pixels |
+
+YOLOX (Ge et al. 2021, arXiv:2107.08430) is exported in two: one (N, cells, 5 + classes), the grid as it is (the
+authors' own, and DWPose's yolox_l.onnx); or dets (N, n, 5) and labels (N, n), with non-maximum suppression in the model
+(MMDeploy's). Both families take BGR images of 0 to 255.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from fitting_core.detect.onnx_model import OnnxModel, what_it_is
-from fitting_core.detect.topdown import rtmdet, simcc, yolox
-from fitting_core.detect.topdown.boxes import BoxModel
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.detect.onnx_model import ModelTensor, OnnxModel, what_it_is
+from fitting_core.detect.topdown import simcc
+from fitting_core.detect.topdown.boxes import (
+    PERSON,
+    STRIDES,
+    BoxModel,
+    Decode,
+    decode_end2end,
+    grid,
+    has_focus,
+    input_size,
+    is_end2end,
+)
 from fitting_core.errors import InputError
+
+_MEAN = np.array([103.53, 116.28, 123.675], dtype=np.float32)
+_DEVIATION = np.array([57.375, 57.12, 58.395], dtype=np.float32)
+"""Of ImageNet's channels, here in the order blue, green, red."""
+
+
+def _make_rtmdet(model: OnnxModel) -> BoxModel:
+    """The model, ready to find people."""
+    decode = next(decode for fits, decode in _RTMDET_FORMS.items() if fits(model.outputs))
+    return BoxModel(model, decode, _MEAN, _DEVIATION)
+
+
+def _is_rtmdet(model: OnnxModel) -> bool:
+    """Whether a model is an RTMDet: see this module's table."""
+    return any(fits(model.outputs) for fits in _RTMDET_FORMS) and not has_focus(model)
+
+
+def _is_pair(outputs: tuple[ModelTensor, ...]) -> bool:
+    return len(outputs) == 2 and all(len(o.shape) == 3 for o in outputs) and 4 in (o.shape[2] for o in outputs)
+
+
+def _decode_pair(
+    output: tuple[np.ndarray, ...], size: tuple[int, int]
+) -> tuple[Float[np.ndarray, "n 4"], Float[np.ndarray, "n"]]:
+    corners, scores = output if output[0].shape[1] == 4 else reversed(output)
+    return corners, scores[:, PERSON]
+
+
+def _is_head(outputs: tuple[ModelTensor, ...]) -> bool:
+    if len(outputs) != 2 * len(STRIDES) or any(len(output.shape) != 4 for output in outputs):
+        return False
+    return all(output.shape[1] == 4 for output in outputs[len(STRIDES) :])
+
+
+def _decode_head(
+    output: tuple[np.ndarray, ...], size: tuple[int, int]
+) -> tuple[Float[np.ndarray, "n 4"], Float[np.ndarray, "n"]]:
+    logits, sides = (
+        np.concatenate([np.moveaxis(level, 0, -1).reshape(-1, level.shape[0]) for level in levels]).astype(float)
+        for levels in (output[: len(STRIDES)], output[len(STRIDES) :])
+    )
+    cells, strides = grid(size)
+    points = cells * strides
+    corners = np.concatenate([points - sides[:, :2], points + sides[:, 2:]], 1)
+    return corners, 1 / (1 + np.exp(-np.clip(logits[:, PERSON], -60, 60)))
+
+
+_RTMDET_FORMS: dict[Callable[[tuple[ModelTensor, ...]], bool], Decode] = {
+    is_end2end: decode_end2end,
+    _is_pair: _decode_pair,
+    _is_head: _decode_head,
+}
+"""By what recognises a form by its outputs."""
+
+
+_BEFORE_CLASSES = 5
+"""Numbers of a cell before those of the classes: centre, size, and whether there is anything."""
+_MOST_EXPONENT = 12.0
+"""Of sizes: larger ones are larger than any image, and would not be numbers any more."""
+
+
+def _make_yolox(model: OnnxModel) -> BoxModel:
+    return BoxModel(model, decode_end2end if is_end2end(model.outputs) else _decode_grid)
+
+
+def _is_yolox(model: OnnxModel) -> bool:
+    if is_end2end(model.outputs):
+        return has_focus(model)
+    if len(model.outputs) != 1 or len(model.outputs[0].shape) != 3:
+        return False
+    _, cells, numbers = model.outputs[0].shape
+    width, height = input_size(model)
+    expected = sum((width // stride) * (height // stride) for stride in STRIDES)
+    return numbers is not None and numbers > _BEFORE_CLASSES and cells in (expected, None)
+
+
+def _decode_grid(
+    output: tuple[np.ndarray, ...], size: tuple[int, int]
+) -> tuple[Float[np.ndarray, "n 4"], Float[np.ndarray, "n"]]:
+    """Corners in input pixels, and scores of people, from one image's grid.
+
+    A cell at (column, row) of a grid of stride s says x, y, log w and log h of its box, in cells: the centre is
+    ((column + x) s, (row + y) s), the size (exp(w) s, exp(h) s). Its score is that of an object times that of the
+    class.
+    """
+    numbers = output[0].astype(float)
+    cells, strides = grid(size)
+    centres = (numbers[:, :2] + cells) * strides
+    halves = np.exp(np.minimum(numbers[:, 2:4], _MOST_EXPONENT)) * strides / 2
+    return np.concatenate([centres - halves, centres + halves], 1), numbers[:, 4] * numbers[:, _BEFORE_CLASSES + PERSON]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,8 +139,8 @@ class Family:
 
 FAMILIES: dict[str, Family] = {
     "simcc": Family(title="RTMPose, DWPose, RTMW", finds="points", recognises=simcc.recognises, make=simcc.SimCC),
-    "rtmdet": Family(title="RTMDet", finds="boxes", recognises=rtmdet.recognises, make=rtmdet.make),
-    "yolox": Family(title="YOLOX", finds="boxes", recognises=yolox.recognises, make=yolox.make),
+    "rtmdet": Family(title="RTMDet", finds="boxes", recognises=_is_rtmdet, make=_make_rtmdet),
+    "yolox": Family(title="YOLOX", finds="boxes", recognises=_is_yolox, make=_make_yolox),
 }
 """By name; the first that recognises a model runs it."""
 

@@ -108,7 +108,7 @@ def _pose_pairs(table, variant, first, scratch):
 
 
 @helper
-def turn_axes(s):
+def update_turn_axes(s):
     """Axes about which joints turn in the world with their columns."""
     for row in range(3):
         for column in range(3):

@@ -37,7 +37,7 @@ def exponential(v, matrix, chart):
 
 
 @helper
-def quaternion(m, q):
+def quaternion_of_matrix(m, q):
     """The unit quaternion (w, x, y, z) with w >= 0 of a rotation matrix."""
     # Shepperd (1978): 4 w^2, 4 x^2, ... from the diagonal; the largest of them is never a difference of near values.
     ww, xx = 1 + m[0, 0] + m[1, 1] + m[2, 2], 1 + m[0, 0] - m[1, 1] - m[2, 2]
@@ -62,7 +62,7 @@ def quaternion(m, q):
 @helper
 def logarithm(m, q, v):
     """The axis-angle vector of a rotation matrix; q is overwritten."""
-    quaternion(m, q)
+    quaternion_of_matrix(m, q)
     squared = q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
     # |v| / sin(|v| / 2), times (x, y, z) = axis x sin(|v| / 2). Taylor series near no rotation.
     factor = 2 + squared / 3

@@ -104,7 +104,7 @@ class Observations:
     relative_position_deviation: Float[Tensor, "T 137 3"]
     """Its standard deviation, metres; infinite where unknown, as for x and y of detected keypoints, for which the
     lifter does not count."""
-    told: Bool[Tensor, "T 137"]
+    depth_by_hand: Bool[Tensor, "T 137"]
     """Keypoints whose relative z was set by a person; the lifter does not count there."""
     held_position: Float[Tensor, "T 137 3"]
     """Held positions of the body's keypoints, metres in camera space."""
@@ -167,7 +167,7 @@ class Observations:
             leg_seen=torch.stack([seen[:, leg].all(1) for leg in _LEGS]).any(0),
             relative_position=position,
             relative_position_deviation=deviation,
-            told=told,
+            depth_by_hand=told,
             held_position=xy.new_zeros(()).expand_as(position),
             held_position_deviation=xy.new_tensor(torch.inf).expand_as(confidence),
             turn=(
@@ -192,8 +192,10 @@ class Observations:
         position[:, kp.BODY] = torch.as_tensor(size * lifted.points).to(position)
         deviations[:, kp.BODY, 2] = torch.as_tensor(deviation).to(position)
         deviations[:, kp.BODY, :2] = torch.as_tensor(np.where(undetected, deviation, np.inf)).to(position)[..., None]
-        position[..., 2] = torch.where(self.told, self.relative_position[..., 2], position[..., 2])
-        deviations[..., 2] = torch.where(self.told, self.relative_position_deviation[..., 2], deviations[..., 2])
+        position[..., 2] = torch.where(self.depth_by_hand, self.relative_position[..., 2], position[..., 2])
+        deviations[..., 2] = torch.where(
+            self.depth_by_hand, self.relative_position_deviation[..., 2], deviations[..., 2]
+        )
         return replace(self, relative_position=position, relative_position_deviation=deviations)
 
     def near(self, points: Float[np.ndarray, "T 25 3"], deviation: Float[np.ndarray, "T 25"]) -> "Observations":
@@ -208,7 +210,7 @@ class Observations:
             deviation: standard deviation along each axis, metres; infinite where unknown.
         """
         own = torch.as_tensor(deviation).to(self.xy)[..., None].repeat(1, 1, 3)
-        own[..., 2].masked_fill_(self.told[:, kp.BODY], torch.inf)
+        own[..., 2].masked_fill_(self.depth_by_hand[:, kp.BODY], torch.inf)
         found = torch.where(own.isfinite(), torch.as_tensor(points).to(self.xy), 0.0)
         before, spread = self.relative_position[:, kp.BODY], self.relative_position_deviation[:, kp.BODY]
         precision = spread**-2 + own**-2

@@ -87,7 +87,7 @@ def unswapped(keypoints: Keypoints) -> tuple[Keypoints, dict[str, Int[np.ndarray
     return replace(keypoints, xy=xy, confidence=confidence, by_hand=placed, depth=depth), swaps
 
 
-def other_side(keypoint: int, pairs: Collection[str]) -> int:
+def unswapped_keypoint(keypoint: int, pairs: Collection[str]) -> int:
     """The body keypoint that replaces a body keypoint where these pairs of limbs are unswapped; otherwise itself."""
     for name, (left, right, _) in PAIRED.items():
         for one, other in ((left, right), (right, left)):

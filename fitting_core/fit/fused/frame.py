@@ -13,8 +13,8 @@ from fitting_core.fit.compiled.body import (
     move_by_coefficients,
     pose_points,
     pose_skeleton,
-    turn_axes,
     turn_joints,
+    update_turn_axes,
 )
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import BODY, FIRST_FINGER, HANDS, JAW_JOINT, N_BODY
@@ -99,7 +99,7 @@ def derive(c, frame, orient, x, scratch):
         s.gradient[a], line = 0.0, s.matrix[a]
         for b in range(a + 1):
             line[b] = 0.0
-    turn_axes(s)
+    update_turn_axes(s)
     low, high = 0 if clip.free_betas else 10, 20 if clip.free_face else 10
     if low < high:
         move_by_coefficients(c, frame, low, high, scratch)

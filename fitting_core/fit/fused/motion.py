@@ -1,6 +1,6 @@
 """How a frame's joints depend on the free columns, for terms over time."""
 
-from fitting_core.fit.compiled.body import move_by_coefficients, pose_skeleton, turn_axes, turn_joints
+from fitting_core.fit.compiled.body import move_by_coefficients, pose_skeleton, turn_joints, update_turn_axes
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import BODY, FIRST_FINGER, JAW_JOINT, N_BODY, N_JOINTS
 from fitting_core.fit.compiled.network import turns_by_latent
@@ -17,7 +17,7 @@ def joints_of(c, frame, orient, x, scratch, joints, rows):
         for d in range(3):
             joints[j, d] = s.joints[j, d]
     if len(rows):
-        turn_axes(s)
+        update_turn_axes(s)
         if c.clip.free_body and len(c.layers):
             turns_by_latent(c, s)
         _set_rows(c, frame, scratch, rows)

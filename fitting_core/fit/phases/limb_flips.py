@@ -138,7 +138,7 @@ def mirrored_as_told(stages: Stages, state: State, frames: Int[Tensor, "n"]) -> 
     flips, columns, vector = LimbFlips(stages), stages.parametrisation.columns, state.vector.clone()
     for limb in LIMBS.values():
         ends = [kp.INDEX[name] for name in limb.joints[1:]]
-        told = frames[stages.observations.told[frames][:, ends].any(1)]
+        told = frames[stages.observations.depth_by_hand[frames][:, ends].any(1)]
         if not len(told):
             continue
         here = State(state.orient, vector)[told]

@@ -294,7 +294,7 @@ def _outline(sight: _Sight, sampled: State, row: int) -> _Outline | None:
     edges = topology.edges[front[topology.edge_faces].sum(1) == 1]
     length = np.linalg.norm(np.diff(xy[edges], axis=1)[:, 0], axis=1)
     share = np.bincount(edges.ravel(), np.repeat(length / 2, 2), minlength=len(xy))
-    chosen = np.flatnonzero((share > 0) & topology.told)
+    chosen = np.flatnonzero((share > 0) & topology.informative)
     # The tangent plane of the body there contains the camera: its line in the image has the plane's x and y.
     normals = unit(vertex_normals(vertices, topology.faces)[chosen, :2] + 1e-12)
     beyond = xy[chosen] + 1.5 * sight.scale * normals
@@ -313,7 +313,7 @@ class _Topology:
     """The two faces of each edge."""
     parts: tuple[Int[np.ndarray, "n"], ...]
     """Faces by the joint with the greatest skinning weight."""
-    told: Bool[np.ndarray, "V"]
+    informative: Bool[np.ndarray, "V"]
     """Vertices whose outline shows the body."""
 
 
@@ -334,7 +334,7 @@ def _topology(body: BodyModel) -> _Topology:
         edges=edges[twice],
         edge_faces=edge_faces,
         parts=tuple(np.flatnonzero(of_face == joint) for joint in np.unique(of_face)),
-        told=~bare[carried],
+        informative=~bare[carried],
     )
 
 

@@ -63,7 +63,7 @@ ENTRY = Entry(
     name="bending",
     kind=Bending,
     about="elbows and knees do not bend the wrong way",
-    make=lambda setting, looked, s: Bending(weight) if (weight := setting.config.weights.bending[s]) else None,
+    make=lambda context, looked, s: Bending(weight) if (weight := context.config.weights.bending[s]) else None,
     weights=("bending",),
     kernel=Kernel(
         constants=lambda term: {"bending": term.weight, "bending_sign": _SIGN},

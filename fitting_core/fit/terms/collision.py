@@ -11,8 +11,8 @@ from fitting_core.body.model import N_BETAS, N_EXPRESSION, N_JOINTS
 from fitting_core.body.points.chosen_vertices import PosedVertices, VertexRows
 from fitting_core.fit.collision.colliding_body import POSES_AT_ONCE, CollidingBody, CollidingPairs
 from fitting_core.fit.collision.distance_field import SIGMA, penetration, residuals_with_jacobian
+from fitting_core.fit.terms.context import TermContext, UsedKeypoints
 from fitting_core.fit.terms.entry import Entry
-from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 
@@ -105,9 +105,9 @@ def _ranks(frame: Int[Tensor, "R"]) -> tuple[Int[Tensor, "R"], int]:
     return torch.arange(len(frame), device=frame.device) - first[frame], int(counts.max())
 
 
-def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
-    weight = setting.config.weights.collision[s]
-    return Collision(weight, setting.colliding()) if weight else None
+def _make(context: TermContext, looked: UsedKeypoints, s: int) -> Term | None:
+    weight = context.config.weights.collision[s]
+    return Collision(weight, context.colliding()) if weight else None
 
 
 ENTRY = Entry(

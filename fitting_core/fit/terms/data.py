@@ -9,8 +9,8 @@ from torch import Tensor
 from fitting_core import keypoints as kp
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import NUMBER
+from fitting_core.fit.terms.context import TermContext, UsedKeypoints
 from fitting_core.fit.terms.entry import Entry, Kernel
-from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 
@@ -36,10 +36,10 @@ class Data(Term):
     name: str = "data"
 
     @staticmethod
-    def of(setting: Setting, looked: Looked) -> "Data":
+    def of(context: TermContext, looked: UsedKeypoints) -> "Data":
         """The term on these keypoints."""
-        i, o, config = looked.indices, setting.observations, setting.config
-        scale = setting.camera.size[1] / config.robust_at_height if config.robust_at_height else 1.0
+        i, o, config = looked.indices, context.observations, context.config
+        scale = context.camera.size[1] / config.robust_at_height if config.robust_at_height else 1.0
         fine = (i >= kp.HANDS.start)[:, None]
         rho = scale * torch.where(fine, config.robust_pixels_fine, config.robust_pixels).to(o.xy)
         return Data(o.xy[:, i], looked.weight, o.side[:, i], rho)
@@ -109,7 +109,7 @@ ENTRY = Entry(
     kind=Data,
     about="projected keypoints are near the detected ones, by confidence; the pull of single outliers is limited "
     "(Geman-McClure)",
-    make=lambda setting, looked, _: Data.of(setting, looked),
+    make=lambda context, looked, _: Data.of(context, looked),
     weights=(
         "body_keypoints",
         "hand_keypoints",

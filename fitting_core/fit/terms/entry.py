@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from fitting_core.fit.terms.setting import Looked, Setting
+from fitting_core.fit.terms.context import TermContext, UsedKeypoints
 from fitting_core.fit.terms.term import Term
 
 
@@ -42,7 +42,7 @@ class Entry:
     kind: type[Term]
     about: str
     """The docs' row: one sentence."""
-    make: Callable[[Setting, Looked, int], Term | None]
+    make: Callable[[TermContext, UsedKeypoints, int], Term | None]
     """From the constants of a fit, the keypoints used, and the index (0 to 4) of a stage; None: not part of it."""
     weights: tuple[str, ...] = ()
     """Fields of `config.weights.Weights`."""

@@ -7,8 +7,8 @@ from torch import Tensor
 
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import NUMBER
+from fitting_core.fit.terms.context import TermContext, UsedKeypoints
 from fitting_core.fit.terms.entry import Entry, Kernel
-from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 
@@ -60,12 +60,12 @@ def _add_columns(c, frame, x, s):
             s.free_matrix[first + k, first + n] += row[k] * row[n]
 
 
-def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
+def _make(context: TermContext, looked: UsedKeypoints, s: int) -> Term | None:
     """Weighted like a beta, in its standard deviations."""
-    height, (mean, by_betas) = setting.config.height, setting.body.height
+    height, (mean, by_betas) = context.config.height, context.body.height
     if height is None:
         return None
-    p, weight = setting.parametrisation, setting.config.weights.shape[s] / HEIGHT_DEVIATION
+    p, weight = context.parametrisation, context.config.weights.shape[s] / HEIGHT_DEVIATION
     return Height(weight, height / 100 - mean, p.betas.new_tensor(by_betas), p.columns.betas)
 
 

@@ -19,9 +19,9 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.fit.compiled.body import add_row, joint_row
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import INTEGER, N_BODY, N_JOINTS, NUMBER
-from fitting_core.fit.compiled.turns import quaternion as quaternion_of_matrix
+from fitting_core.fit.compiled.turns import quaternion_of_matrix
+from fitting_core.fit.terms.context import TermContext, UsedKeypoints
 from fitting_core.fit.terms.entry import Entry, Kernel
-from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 
@@ -110,7 +110,7 @@ class AngleTable:
 
     def angles(self, pose: Float[Tensor, "B n 3"]) -> Float[Tensor, "B n 3"]:
         """Swing, swing and twist (radians) of rotations given as axis-angle."""
-        w, t, p, q = (self.frame * quaternion(pose)[..., None, :]).sum(-1).unbind(-1)
+        w, t, p, q = (self.frame * quaternion_of_axis_angle(pose)[..., None, :]).sum(-1).unbind(-1)
         stretch = _stretch(p * p + q * q, w * w + t * t)
         return torch.stack([stretch * (p * w - q * t), stretch * (p * t + q * w), 2 * (t / w).atan()], -1) + self.offset
 
@@ -142,7 +142,7 @@ def _frame(joint: JointRange) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarra
     return untwisted @ turned @ centred, offset, [order.index(i) for i in range(3)]
 
 
-def quaternion(v: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 4"]:
+def quaternion_of_axis_angle(v: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 4"]:
     """(w, x, y, z) of an axis-angle vector in radians."""
     half = v.norm(dim=-1, keepdim=True) / 2
     return torch.cat([half.cos(), torch.sinc(half / torch.pi) / 2 * v], -1)
@@ -225,11 +225,11 @@ def _constants(term: JointLimits) -> Mapping[str, Any]:
     }
 
 
-def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
-    weight, like = setting.config.weights.limits[s], setting.parametrisation.betas
+def _make(context: TermContext, looked: UsedKeypoints, s: int) -> Term | None:
+    weight, like = context.config.weights.limits[s], context.parametrisation.betas
     if not weight:
         return None
-    return replace(_of_weight_1(setting.body, setting.hands_shown, like.dtype, like.device), weight=weight)
+    return replace(_of_weight_1(context.body, context.hands_shown, like.dtype, like.device), weight=weight)
 
 
 @lru_cache(maxsize=4)

@@ -13,10 +13,10 @@ from fitting_core.body.model import JOINT
 from fitting_core.fit.compiled.body import add_row, joint_row
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import N_BODY, NUMBER
-from fitting_core.fit.compiled.turns import quaternion as quaternion_of_matrix
+from fitting_core.fit.compiled.turns import quaternion_of_matrix
+from fitting_core.fit.terms.context import TermContext, UsedKeypoints
 from fitting_core.fit.terms.entry import Entry, Kernel
-from fitting_core.fit.terms.limits import quaternion
-from fitting_core.fit.terms.setting import Looked, Setting
+from fitting_core.fit.terms.limits import quaternion_of_axis_angle
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.keypoints import LOCKABLE
@@ -45,8 +45,8 @@ class Locks(Term):
     def residual(self, e: Estimate) -> Float[Tensor, "B 3n"]:
         """Weighted, 0 where the joint is free."""
         pose = e.body_pose.view(len(e.body_pose), -1, 3)[:, self.joint - _FIRST]
-        w, v = quaternion(pose).split([1, 3], -1)
-        w0, v0 = quaternion(self.target[e.frames]).split([1, 3], -1)
+        w, v = quaternion_of_axis_angle(pose).split([1, 3], -1)
+        w0, v0 = quaternion_of_axis_angle(self.target[e.frames]).split([1, 3], -1)
         away = w0 * v - w * v0 - torch.linalg.cross(v0, v)
         return (2 * self.weight[e.frames][..., None] * away).flatten(1)
 
@@ -85,13 +85,13 @@ def _cost(c, frame, orient, x, s, derivatives):
 
 def _constants(term: Locks) -> Mapping[str, Any]:
     weight, target = term.weight.new_zeros(len(term.weight), N_BODY), term.target.new_zeros(len(term.target), N_BODY, 4)
-    weight[:, term.joint - _FIRST], target[:, term.joint - _FIRST] = term.weight, quaternion(term.target)
+    weight[:, term.joint - _FIRST], target[:, term.joint - _FIRST] = term.weight, quaternion_of_axis_angle(term.target)
     return {"lock_weight": weight, "lock_target": target}
 
 
-def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
+def _make(context: TermContext, looked: UsedKeypoints, s: int) -> Term | None:
     """In every stage and configuration: a lock is a person's statement, not evidence to be weighed."""
-    names, turn = LOCKABLE.values(), setting.observations.turn[:, list(LOCKABLE)]
+    names, turn = LOCKABLE.values(), context.observations.turn[:, list(LOCKABLE)]
     locked = turn.isfinite().all(-1)
     used = locked.any(0)
     if not bool(used.any()):

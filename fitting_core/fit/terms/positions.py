@@ -11,9 +11,9 @@ from torch import Tensor
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import NUMBER
+from fitting_core.fit.terms.context import TermContext, UsedKeypoints
 from fitting_core.fit.terms.data import irls
 from fitting_core.fit.terms.entry import Entry, Kernel
-from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 
@@ -73,24 +73,24 @@ class RelativePosition(_Positions):
     name: str = "relative_position"
 
     @staticmethod
-    def of(setting: Setting, looked: Looked, s: int) -> "RelativePosition | None":
+    def of(context: TermContext, looked: UsedKeypoints, s: int) -> "RelativePosition | None":
         """Of the keypoints used, if anything but the image says where they are.
 
         Weights per standard deviation, and rho, are those of a person's statement for z if there is one, and else those
         of lifter and given start.
         """
-        i, o, config = looked.indices, setting.observations, setting.config
+        i, o, config = looked.indices, context.observations, context.config
         is_z = torch.tensor([False, False, True], device=o.xy.device)
-        by_person = o.told[:, i, None] & is_z
+        by_person = o.depth_by_hand[:, i, None] & is_z
         weight, robust = o.xy.new_tensor([evidence_weight(config, s), config.robust_deviations])
         deviation = o.relative_position_deviation[:, i]
         weight = torch.where(by_person, _TOLD_WEIGHT, weight) / deviation
         if not bool(weight.any()):
             return None
-        deviations = torch.where(setting.near_start[:, None, None], _START_RHO, robust)
+        deviations = torch.where(context.near_start[:, None, None], _START_RHO, robust)
         rho = torch.where(by_person, _TOLD_RHO, deviations) * deviation
         # Nothing is known if the deviation is infinite: any finite rho does, as the weight is 0.
-        return RelativePosition(o.relative_position[:, i], weight, rho.where(rho.isfinite(), 1.0), setting.pelvis)
+        return RelativePosition(o.relative_position[:, i], weight, rho.where(rho.isfinite(), 1.0), context.pelvis)
 
     def points(self, e: Estimate) -> Float[Tensor, "B N 3"]:
         """From the pelvis."""
@@ -110,9 +110,9 @@ class HeldPosition(_Positions):
     name: str = "held_position"
 
     @staticmethod
-    def of(setting: Setting, looked: Looked, s: int) -> "HeldPosition | None":
+    def of(context: TermContext, looked: UsedKeypoints, s: int) -> "HeldPosition | None":
         """Of the keypoints used, where they are held."""
-        i, o, weight = looked.indices, setting.observations, setting.config.weights.held_position[s]
+        i, o, weight = looked.indices, context.observations, context.config.weights.held_position[s]
         deviation = o.held_position_deviation[:, i, None].expand(-1, -1, 3)
         if not weight or not bool(deviation.isfinite().any()):
             return None

@@ -11,9 +11,9 @@ from torch import Tensor
 
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import MOST_COLUMNS, NUMBER
+from fitting_core.fit.terms.context import TermContext, UsedKeypoints
 from fitting_core.fit.terms.entry import Entry, Kernel
 from fitting_core.fit.terms.locks import LOCK_WEIGHT
-from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import Columns, Parametrisation
@@ -93,18 +93,18 @@ def _l2(
 ) -> Entry:
     """Distance of columns from a target (None: zero). Each of the first has a weight; the last is for all others."""
 
-    def make(setting: Setting, looked: Looked, s: int) -> Term:
-        p = setting.parametrisation
-        values, columns = [getattr(setting.config.weights, weight)[s] for weight in weights], where(p.columns)
+    def make(context: TermContext, looked: UsedKeypoints, s: int) -> Term:
+        p = context.parametrisation
+        values, columns = [getattr(context.config.weights, weight)[s] for weight in weights], where(p.columns)
         values += values[-1:] * (columns.stop - columns.start - len(values))
         return Quadratic(name, columns, p.betas.new_tensor(values), target(p))
 
     return Entry(name=name, kind=Quadratic, about=about, make=make, weights=weights, kernel=KERNEL)
 
 
-def held_depth(setting: Setting, depth: Float[Tensor, "T"]) -> Quadratic:
+def held_depth(context: TermContext, depth: Float[Tensor, "T"]) -> Quadratic:
     """In the camera step: the body stays near a guessed distance (metres)."""
-    p = setting.parametrisation
+    p = context.parametrisation
     z = p.columns.translation.stop - 1
     return Quadratic("depth", slice(z, z + 1), p.betas.new_tensor([DEPTH_WEIGHT]), depth[:, None])
 
@@ -118,9 +118,9 @@ _SHAPE = _l2(
 )
 
 
-def _shared_shape(setting: Setting, looked: Looked, s: int) -> Term:
+def _shared_shape(context: TermContext, looked: UsedKeypoints, s: int) -> Term:
     """E_beta'."""
-    shape = _SHAPE.make(setting, looked, s)
+    shape = _SHAPE.make(context, looked, s)
     assert isinstance(shape, Quadratic), "the shape has a term in every stage"
     return replace(shape, name="shared_shape", once=True)
 
@@ -133,9 +133,9 @@ _HANDS = _l2(
 )
 
 
-def _stated_hands(setting: Setting, looked: Looked, s: int) -> Term:
+def _stated_hands(context: TermContext, looked: UsedKeypoints, s: int) -> Term:
     """The hands' prior; where a person stated a hand's shape, how far the hand is from it instead."""
-    prior, p, turn = _HANDS.make(setting, looked, s), setting.parametrisation, setting.observations.turn
+    prior, p, turn = _HANDS.make(context, looked, s), context.parametrisation, context.observations.turn
     both = torch.stack([turn[:, joints] for joints in FINGER_JOINTS.values()], 1).flatten(2)
     stated = both.isfinite().all(2)
     assert isinstance(prior, Quadratic), "hands have a term in every stage"

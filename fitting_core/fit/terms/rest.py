@@ -10,8 +10,8 @@ from fitting_core.body.model import POSE_JOINTS
 from fitting_core.fit.compiled.body import add_row, joint_axis_angle
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import BODY, N_BODY, NUMBER
+from fitting_core.fit.terms.context import TermContext, UsedKeypoints
 from fitting_core.fit.terms.entry import Entry, Kernel
-from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 
@@ -48,11 +48,11 @@ def _cost(c, frame, orient, x, s, derivatives):
     return cost
 
 
-def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
-    p, weight = setting.parametrisation, setting.config.weights.rest[s]
+def _make(context: TermContext, looked: UsedKeypoints, s: int) -> Term | None:
+    p, weight = context.parametrisation, context.config.weights.rest[s]
     if not weight:
         return None
-    turned = torch.as_tensor(setting.turned[:, POSE_JOINTS["body_pose"]], device=p.device)
+    turned = torch.as_tensor(context.turned[:, POSE_JOINTS["body_pose"]], device=p.device)
     unknown = ~turned.repeat_interleave(3, 1)
     return Rest(weight * unknown.to(p.betas), p.prior.decode(p.prior.neutral.to(p.betas)[None])[0])
 

@@ -16,8 +16,8 @@ from fitting_core.fit.terms import (
     temporal,
     upright,
 )
+from fitting_core.fit.terms.context import TermContext, UsedKeypoints
 from fitting_core.fit.terms.entry import Entry
-from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Term
 
 TERMS: dict[str, Entry] = {
@@ -39,15 +39,15 @@ TERMS: dict[str, Entry] = {
 """By name, in the order of summation."""
 
 
-def stage_terms(setting: Setting, looked: Looked, stage: int) -> list[Term]:
+def stage_terms(context: TermContext, looked: UsedKeypoints, stage: int) -> list[Term]:
     """The terms of a stage (1 to 5)."""
-    made = (entry.make(setting, looked, stage - 1) for entry in TERMS.values())
+    made = (entry.make(context, looked, stage - 1) for entry in TERMS.values())
     return [term for term in made if term is not None]
 
 
-def camera_terms(setting: Setting, looked: Looked, depth: Float[Tensor, "T"]) -> list[Term]:
+def camera_terms(context: TermContext, looked: UsedKeypoints, depth: Float[Tensor, "T"]) -> list[Term]:
     """The terms of the camera step: keypoints; the depth stays near its guess, the root upright."""
-    weights = setting.config.weights
-    root = upright.Upright.of(setting, max(weights.lean), max(weights.turn))
-    terms = [data.Data.of(setting, looked), quadratic.held_depth(setting, depth), root]
+    weights = context.config.weights
+    root = upright.Upright.of(context, max(weights.lean), max(weights.turn))
+    terms = [data.Data.of(context, looked), quadratic.held_depth(context, depth), root]
     return [term for term in terms if term is not None]

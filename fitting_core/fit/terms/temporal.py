@@ -11,8 +11,8 @@ from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import Joint
 from fitting_core.camera import CameraPath
+from fitting_core.fit.terms.context import TermContext, UsedKeypoints
 from fitting_core.fit.terms.entry import Entry
-from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate, SolverView
 from fitting_core.fit.variables.state import Parametrisation, State
@@ -96,12 +96,12 @@ class Evenness(Term):
         return self.weight * off_mean(self.joints.of(self.joints.estimate(e.state, e.frames)).flatten(1))
 
 
-def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
-    if not setting.temporal_weight:
+def _make(context: TermContext, looked: UsedKeypoints, s: int) -> Term | None:
+    if not context.temporal_weight:
         return None
-    in_camera = setting.config.temporal.space == "camera"
-    joints = JointPositions(setting.body, setting.parametrisation, in_camera=in_camera, path=setting.camera.path)
-    return Evenness(setting.temporal_weight, joints)
+    in_camera = context.config.temporal.space == "camera"
+    joints = JointPositions(context.body, context.parametrisation, in_camera=in_camera, path=context.camera.path)
+    return Evenness(context.temporal_weight, joints)
 
 
 ENTRY = Entry(

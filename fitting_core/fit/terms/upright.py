@@ -9,8 +9,8 @@ from torch import Tensor
 from fitting_core.fit.compiled.body import add_row
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import NUMBER
+from fitting_core.fit.terms.context import TermContext
 from fitting_core.fit.terms.entry import Entry, Kernel
-from fitting_core.fit.terms.setting import Setting
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 
@@ -29,12 +29,12 @@ class Upright(Term):
     name: str = "upright"
 
     @staticmethod
-    def of(setting: Setting, lean: float, turn: float) -> "Upright | None":
+    def of(context: TermContext, lean: float, turn: float) -> "Upright | None":
         """With these weights on the frames that show no leg, if any."""
-        unheld = ~(setting.observations.leg_seen | setting.near_start)
+        unheld = ~(context.observations.leg_seen | context.near_start)
         if not (lean or turn) or not bool(unheld.any()):
             return None
-        unheld = unheld.to(setting.parametrisation.betas)
+        unheld = unheld.to(context.parametrisation.betas)
         return Upright(lean * unheld, turn * unheld)
 
     def residual(self, e: Estimate) -> Tensor:
@@ -66,7 +66,7 @@ ENTRY = Entry(
     name="upright",
     kind=Upright,
     about="if no leg is seen, the body does not lean or turn away",
-    make=lambda setting, looked, s: Upright.of(setting, setting.config.weights.lean[s], setting.config.weights.turn[s]),
+    make=lambda context, looked, s: Upright.of(context, context.config.weights.lean[s], context.config.weights.turn[s]),
     weights=(
         "lean",
         "turn",

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from fitting_core.body.model import JOINT
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.errors import InputError
-from fitting_core.fit.evidence.sides import other_side, unswapped
+from fitting_core.fit.evidence.sides import unswapped, unswapped_keypoint
 from fitting_core.keypoints import COUNT, GROUPS
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.live import Target
@@ -375,7 +375,7 @@ def one_series(one: LogEntry | None, other: LogEntry | None) -> bool:
 def across_sides(tab: Tab, shown: Shown, frame: int, joints: tuple[int, ...]) -> tuple[int, ...]:
     """The fit's keypoints for detected ones or the other way round: the other side's where it unswapped sides."""
     [pairs] = swapped_sides(tab.session.project, shown, (frame,))
-    return tuple(other_side(joint, pairs) for joint in joints)
+    return tuple(unswapped_keypoint(joint, pairs) for joint in joints)
 
 
 def swapped_sides(project: Project, shown: Shown, frames: tuple[int, ...]) -> list[list[str]]:

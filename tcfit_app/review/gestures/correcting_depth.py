@@ -15,7 +15,7 @@ from fitting_core.body.model import JOINT
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
-from fitting_core.fit.evidence.sides import other_side
+from fitting_core.fit.evidence.sides import unswapped_keypoint
 from fitting_core.keypoints import BODY, INDEX, LOCKABLE, Keypoints
 from tcfit_app.project.edits.kinds import ClearDepth, Lock, Pin, Unlock
 from tcfit_app.project.frame_words import in_words
@@ -192,7 +192,7 @@ class SeenBody:
         among the poses on the requested side, the one closest to the current distances of elbow and wrist from the
         root; keypoints still on the wrong side are put at the root's depth.
         """
-        ends = [[other_side(joint, pairs) for joint in limb[1:]] for pairs in self.swapped]
+        ends = [[unswapped_keypoint(joint, pairs) for joint in limb[1:]] for pairs in self.swapped]
         roots = np.array([[_ROOT[middle]] for middle, _ in ends])
         every = np.arange(len(ends))[:, None]
         points = self.points[every, np.hstack([roots, ends])]

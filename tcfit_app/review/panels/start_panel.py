@@ -140,9 +140,9 @@ def _fetchable(detector: _DetectorChoice) -> list[Html]:
             paragraph(f"{known.title} is not on this computer. It can be fetched from its publisher:"),
             facts([("From", known.url), ("Size", known.size), ("Licence", known.licence), ("SHA-256", checksum)]),
         ]
-    from fitting_core.detect.mediapipe.fetching import announced
+    from fitting_core.detect.mediapipe.fetching import fetch_notice
 
-    announcement = announced().splitlines()
+    announcement = fetch_notice().splitlines()
     return [
         paragraph("The detector's networks are not on this computer. They can be fetched once:"),
         *(paragraph(line.strip(), "dim") for line in announcement),

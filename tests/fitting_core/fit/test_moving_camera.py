@@ -58,4 +58,4 @@ def test_a_part_of_a_clip_has_its_part_of_the_path(free_body: BodyModel):
     moving = replace(CAMERA, path=shaking())
     keypoints = hidden(keypoints_of(free_body, arms_in_motion(FRAMES)), kp.HANDS, kp.FACE)
     part = Stages.of(keypoints, moving, free_body, QUICK).within(range(1, 3))
-    assert part.setting.camera.path == shaking()[1:3]
+    assert part.context.camera.path == shaking()[1:3]

@@ -17,7 +17,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
-from fitting_core.fit.evidence.sides import PAIRED, other_side, unswapped
+from fitting_core.fit.evidence.sides import PAIRED, unswapped, unswapped_keypoint
 from fitting_core.io.truth import Truth, truth_of
 from fitting_core.keypoints import Keypoints
 from fitting_core.world_camera import in_camera
@@ -162,8 +162,8 @@ def test_what_was_said_of_depth_goes_with_the_keypoint():
     found = corrected.told_depth
     assert found[6, kp.INDEX["right_wrist"]] == 0.2 and found[2, kp.INDEX["left_wrist"]] == 0.3
     assert np.isfinite(found).sum() == 2 and unswapped(standing())[0].depth is None
-    assert other_side(kp.INDEX["left_wrist"], swaps) == kp.INDEX["right_wrist"]
-    assert other_side(kp.INDEX["left_ankle"], swaps) == kp.INDEX["left_ankle"]
+    assert unswapped_keypoint(kp.INDEX["left_wrist"], swaps) == kp.INDEX["right_wrist"]
+    assert unswapped_keypoint(kp.INDEX["left_ankle"], swaps) == kp.INDEX["left_ankle"]
 
 
 def test_hands_go_with_their_arms():

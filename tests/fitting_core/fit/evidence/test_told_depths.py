@@ -100,7 +100,7 @@ def test_a_person_overrides_the_lifter(clip: Clip, params: BodyParams, monkeypat
     assert o.relative_position[FRAME, WRIST, 2] == -0.5 and o.relative_position_deviation[FRAME, WRIST, 2] == TOLD
     others = torch.ones(FRAMES, 25, dtype=torch.bool)
     others[FRAME, WRIST] = False
-    assert bool((o.relative_position[:, kp.BODY, 2][others] == 0.3).all()) and int(o.told.sum()) == 1
+    assert bool((o.relative_position[:, kp.BODY, 2][others] == 0.3).all()) and int(o.depth_by_hand.sum()) == 1
     terms = stages.objective(5, stages.parametrisation.from_params(params), Free()).terms
     (term,) = (term for term in terms if isinstance(term, RelativePosition))
     column = stages.looked_at(5).tolist().index(WRIST)

@@ -273,7 +273,7 @@ def rest_by_hand(scene: Scene) -> list[float]:
     for b, frame in enumerate(FRAMES.tolist()):
         cost = 0.0
         for j in range(1, 22):
-            if not scene.stages.setting.turned[frame, j]:
+            if not scene.stages.context.turned[frame, j]:
                 target = neutral_pose(scene)[3 * (j - 1) : 3 * j]
                 cost += 31.0**2 * sum((scene.params.body_pose[b, 3 * (j - 1) : 3 * j].numpy() - target) ** 2)
         costs.append(cost)
@@ -414,7 +414,7 @@ def test_terms_of_weight_zero_are_not_made(tiny_body: BodyModel, name: str):
     zero = dict.fromkeys(("lean", "turn", "rest", "limits", "bending", "collision", "held_position"), (0.0,) * 5)
     config = replace(CONFIG, weights=replace(CONFIG.weights, **zero), temporal=replace(CONFIG.temporal, weight=0.0))
     stages = with_positions(stages_of(tiny_body, hidden(keypoints_of(tiny_body, random_params(2, 5)), *LEGS), config))
-    assert TERMS[name].make(stages.setting, stages._looked_in(5), 4) is None
+    assert TERMS[name].make(stages.context, stages._looked_in(5), 4) is None
 
 
 @pytest.mark.parametrize("name", BY_HAND)

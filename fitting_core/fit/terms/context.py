@@ -16,7 +16,7 @@ from fitting_core.fit.variables.state import Parametrisation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Setting:
+class TermContext:
     """The constants of a fit that terms depend on."""
 
     config: FitConfig
@@ -43,7 +43,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Looked:
+class UsedKeypoints:
     """Keypoints that one objective uses."""
 
     indices: Int[Tensor, "N"]
