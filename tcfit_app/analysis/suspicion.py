@@ -1,6 +1,6 @@
 """The review queue: which frames of a fit to look at first, and why."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from tcfit_app.analysis.findings import FINDINGS, WHOLE, Finding
@@ -41,13 +41,6 @@ class Suspect:
     def key(self) -> str:
         """Unique in its queue."""
         return f"{self.frame} {self.kind} {'+'.join(self.about)}"
-
-
-ORDERS: dict[str, Callable[[Suspect], tuple[float, int]]] = {
-    "suspicion": lambda suspect: (-suspect.score, suspect.frame),
-    "time": lambda suspect: (suspect.frames.start, suspect.frame),
-}
-"""Keys to sort the queue by."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +98,11 @@ def review_queue(
 
     entries = [_entry(span) for span in _spans(_topics(filter(left, found)))]
     reviewed = (not any(left(one) for topic in span for one in topic.found) for span in _spans(_topics(found)))
-    return ReviewQueue(left=tuple(sorted(entries, key=ORDERS["suspicion"])), looked_at=sum(reviewed))
+    return ReviewQueue(left=tuple(sorted(entries, key=_worst_first)), looked_at=sum(reviewed))
+
+
+def _worst_first(suspect: Suspect) -> tuple[float, int]:
+    return -suspect.score, suspect.frame
 
 
 def worst_place(run: int, left: Sequence[Suspect], off: Mapping[str, float] | None = None) -> Worst:

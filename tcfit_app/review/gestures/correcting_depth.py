@@ -53,11 +53,7 @@ class CorrectingDepth:
 
     def send(self, way: Way) -> None:
         """Put the limbs of the selected keypoints on one side of their shoulders or hips in depth."""
-        self.send_limbs(way, self._tab.frames_to_change, self._as_detected(self._correcting.selected()))
-
-    def send_limbs(self, way: Way, frames: tuple[int, ...], joints: tuple[int, ...]) -> None:
-        """Put the limbs of detected keypoints in some frames on one side of their roots, from the fit on show."""
-        limbs = limbs_of(joints)
+        frames, limbs = self._tab.frames_to_change, limbs_of(self._as_detected(self._correcting.selected()))
         seen = self._seen_body(frames)
         depths = np.concatenate([seen.sent(limb, way) for limb in limbs], 1)
         self._set_depth(frames, tuple(joint for limb in limbs for joint in limb[1:]), depths)

@@ -6,7 +6,7 @@ from typing import Literal
 
 from fitting_core.errors import InputError
 from tcfit_app.analysis.findings import FINDINGS, WHOLE
-from tcfit_app.analysis.suspicion import ORDERS, ReviewQueue, Suspect
+from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
 from tcfit_app.project.edits.edit_log import MarkState
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import Leave
@@ -49,10 +49,8 @@ class Reviewing:
         return None if found is None else self.listed(found)
 
     def listed(self, found: Sequence[Suspect]) -> tuple[Suspect, ...]:
-        """The entries that the tab's filters let through, in its order."""
-        view = self._tab.state.queue
-        through = (s for s in found if view.kind in ("", s.kind) and (not view.limb or view.limb in s.about))
-        return tuple(sorted(through, key=ORDERS[view.order]))
+        """The entries of the kind that the tab shows."""
+        return tuple(suspect for suspect in found if self._tab.state.queue_kind in ("", suspect.kind))
 
     def go(self, step: int) -> None:
         """Go to the next (1) or previous (-1) queue entry. Raises InputError while the first queue is computed."""

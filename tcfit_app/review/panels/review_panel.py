@@ -1,8 +1,5 @@
 """The Review panel: leads through suspicious frames, and relinks a video that was moved."""
 
-from collections import Counter
-from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import ClassVar
@@ -10,7 +7,6 @@ from typing import ClassVar
 import viser
 
 from fitting_core.errors import InputError
-from fitting_core.frame_runs import runs
 from fitting_core.plugins import faults
 from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
 from tcfit_app.fitting.fits import Shown
@@ -24,30 +20,21 @@ from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
     action,
-    button,
     choices,
     heading,
-    joined,
     line,
     opener,
     paragraph,
     progress_bar,
     row,
     table,
-    text,
 )
 from tcfit_app.review.panels.elements.selected_frames import unseen
 from tcfit_app.review.panels.notes import Notes
-from tcfit_app.review.panels.queue_pictures import QueuePictures
 from tcfit_app.review.panels.who_is_who import WhoIsWho
-from tcfit_app.review.tab.state import QueueView
 
 _MOST = 40
 """Entries listed; a checked one makes room for the next."""
-_ORDERS = {
-    "suspicion": ("Suspicion", "The most suspicious entry first"),
-    "time": ("Time", "The earliest entry first"),
-}
 KIND_WORDS = {
     "failed": "Failed",
     "swap": "Swapped",
@@ -64,8 +51,6 @@ _FEW = 5
 """Number of entries that need no filters."""
 _CLIPS = {"next_clip": "Next clip", "previous_clip": "Previous clip", "list": "All clips"}
 """What their buttons say."""
-_FLAGS = 24
-"""Runs of flagged frames listed."""
 
 
 class ReviewPanel:
@@ -94,17 +79,13 @@ class ReviewPanel:
         )
         self._head = Board(tab)
         self._who_is_who = WhoIsWho(gestures)
-        self._pictures = QueuePictures(tab)
-        self._queue, self._flags = Board(tab), Board(tab)
+        self._queue = Board(tab)
         self._notes = Notes(gestures)
 
     @property
     def _suspects(self) -> tuple[Suspect, ...]:
         """Those listed."""
         return () if self._found is None else self._gestures.reviewing.listed(self._found.left)
-
-    def _filter(self, part: str, value: str) -> None:
-        self._tab.set(queue=replace(self._tab.state.queue, **{part: value}))
 
     def _entry(self, key: str) -> Suspect:
         found = [] if self._found is None else [s for s in self._found.left if s.key == key]
@@ -114,15 +95,6 @@ class ReviewPanel:
 
     def _go(self, entry: str) -> None:
         self._gestures.reviewing.show(self._entry(entry))
-
-    def _mirror(self, entry: str) -> None:
-        suspect = self._entry(entry)
-        self._gestures.reviewing.show(suspect)
-        self._gestures.depth.send_limbs("mirror", tuple(suspect.frames), suspect.joints)
-
-    def _visit(self, frame: int) -> None:
-        self._tab.pause()
-        self._tab.seek(frame)
 
     def _find_video(self, path: Path | viser.UploadedFile) -> None:
         assert isinstance(path, Path)
@@ -150,9 +122,7 @@ class ReviewPanel:
         where = self._applies()
         self._draw_head(where, fine=self._gestures.reviewing.fine, flagged=set(tab.chosen_frames) <= set(self._flagged))
         self._who_is_who.draw()
-        self._pictures.draw(self._suspects[:_MOST])
         self._queue.show(*self._entries(self._here(), fitted=shown is not None))
-        self._flags.show(*self._flagged_runs())
         self._notes.draw()
 
     def _flagged_frames(self) -> list[int]:
@@ -215,25 +185,6 @@ class ReviewPanel:
             return f"Both apply to {flag}."
         return f"O marks {reviewing.subject(reviewing.on_show)} as fine, T flags {flag}."
 
-    def _flagged_runs(self) -> list[Html]:
-        if not self._flagged:
-            return []
-        first = self._tab.first_frame
-        found = runs(self._flagged)
-        buttons = [
-            button(
-                numbers(run, first),
-                "review.frame",
-                str(run.start),
-                do=partial(self._visit, run.start),
-                kind="mini",
-                hint=f"Go to {first + run.start}",
-            )
-            for run in found[:_FLAGS]
-        ]
-        more = [paragraph(f"and {len(found) - _FLAGS} more", "dim")] if len(found) > _FLAGS else []
-        return [heading("Flagged"), row(*buttons, wrap=True), *more]
-
     def _entries(self, here: int | None, *, fitted: bool) -> list[Html]:
         if not fitted:
             return [paragraph("There is no fit yet. Suspicious frames are found once there is one.", "dim")]
@@ -244,17 +195,14 @@ class ReviewPanel:
         if not self._found.left:
             done = f"All {self._found.looked_at} reviewed" if self._found.looked_at else "Nothing suspicious"
             return [paragraph(f"{done}. Looking again …" if self._looking else f"{done}.", "dim")]
-        first = self._tab.first_frame
-        off, filmed = self._tab.session.project.read_only, self._tab.session.project.media.path is not None
-        rows = []
+        first, rows = self._tab.first_frame, []
         for i, suspect in enumerate(self._suspects[:_MOST]):
             go = opener(numbers(suspect.frames, first), "review.go", suspect.key, partial(self._go, suspect.key))
             rows.append(
                 line(
-                    self._pictures.of(suspect) if filmed else "",
                     go,
-                    self._said(suspect, off=off),
-                    numbers=(1,),
+                    suspect.reason,
+                    numbers=(0,),
                     kind="here" if i == here else "",
                     press=go,
                     hint="; ".join([f"Frame {first + suspect.frame}: {suspect.reason}", *suspect.also]),
@@ -262,7 +210,7 @@ class ReviewPanel:
             )
         parts = [heading("Queue", f"{len(self._suspects)} listed"), *self._filters()]
         if rows:
-            parts.append(table(rows, ("", "frames", "problem in the worst frame"), numbers=(1,)))
+            parts.append(table(rows, ("frames", "problem in the worst frame"), numbers=(0,)))
         else:
             parts.append(paragraph("None of these is left.", "dim"))
         if (more := len(self._suspects) - _MOST) > 0:
@@ -272,36 +220,23 @@ class ReviewPanel:
         return parts
 
     def _filters(self) -> list[Html]:
-        """What is listed, in which order, and the button for all of it."""
-        view, found = self._tab.state.queue, self._found.left if self._found is not None else ()
-        if len(found) <= _FEW and view == QueueView():
+        """Which kind of entry is listed, and the button for all of them."""
+        tab, found = self._tab, self._found.left if self._found is not None else ()
+        kind = tab.state.queue_kind
+        if len(found) <= _FEW and not kind:
             return []
-        limbs = Counter(limb for suspect in found if view.kind in ("", suspect.kind) for limb in suspect.about)
-        orders = choices(
-            "review.order",
-            {order: title for order, (title, _) in _ORDERS.items()},
-            partial(self._filter, "order"),
-            lambda order: view.order == order,
-            hint=lambda order: _ORDERS[order][1],
-            kind="mini",
+        counts = kinds_of(found)
+        labels = {"": "All"} | {
+            each: f"{KIND_WORDS.get(each, each.capitalize())} {counts[each]}"
+            for each in (*counts, *filter(None, (kind,)))
+        }
+        kinds = choices(
+            "review.kind", labels, lambda each: tab.set(queue_kind=each), lambda each: each == kind, kind="mini"
         )
-        kinds = self._chips("kind", kinds_of(found), view.kind)
-        parts = self._chips("limb", dict(sorted(limbs.items())), view.limb)
         return [
-            row(*orders, label="Order"),
             row(*kinds, wrap=True),
-            row(*parts, wrap=True),
             row(action(self._gestures, "all_fine", f"All {len(self._suspects)} look fine")),
         ]
-
-    def _said(self, suspect: Suspect, *, off: bool) -> Html:
-        """What an entry is about, and its quick fix."""
-        if suspect.kind != "depth":
-            return text(suspect.reason)
-        hint = "Flip these limbs in depth about shoulder or hip, in the frames of this entry"
-        do = partial(self._mirror, suspect.key)
-        mirror = button("Mirror", "review.mirror", suspect.key, do=do, kind="mini", disabled=off, hint=hint)
-        return joined(text(f"{suspect.reason} "), mirror)
 
     def _draw_damage(self) -> None:
         damage, plugins = self._tab.session.project.damage, tuple(fault.text for fault in faults())
@@ -323,13 +258,3 @@ class ReviewPanel:
     def _video_problem(self) -> str:
         tab = self._tab
         return tab.session.project.media.problem or tab.data.video.problem_of(tab.state.frame)
-
-    def _chips(self, part: str, counts: Mapping[str, int], chosen: str) -> list[Html]:
-        """A toggle for all, and one for each value with its number of entries."""
-        labels = {"": "All"} | {
-            value: f"{KIND_WORDS.get(value, value.capitalize())} {counts.get(value, 0)}"
-            for value in (*counts, *filter(None, (chosen,)))
-        }
-        return choices(
-            f"review.{part}", labels, partial(self._filter, part), lambda value: value == chosen, kind="mini"
-        )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from fitting_core.camera import Lens
 from fitting_core.clip import Clip
-from tcfit_app.review.shared.video_frames import Crop, FrameSize, VideoFrames
+from tcfit_app.review.shared.video_frames import FrameSize, VideoFrames
 
 _Filmed = tuple[Path | None, tuple[int, int], Lens | None]
 """What must match for frames to be shared: the source, and the camera's size and lens."""
@@ -38,14 +38,6 @@ class SharedVideo:
         """The frame in this size, or in the other one if that is ready; a missing one is decoded next."""
         assert 0 <= frame < self.count
         return self._frames.nearest(frame + self._first, shown)
-
-    def thumbnails(
-        self, wanted: Iterable[tuple[int, Crop]], *, reader: Hashable = None
-    ) -> dict[tuple[int, Crop], bytes]:
-        """Those crops of frames that are ready; the others are made when nothing else is requested."""
-        moved = [(frame + self._first, crop) for frame, crop in wanted]
-        found = self._frames.thumbnails(moved, reader=reader)
-        return {(frame - self._first, shown): made for (frame, shown), made in found.items()}
 
     def prefetch(self, frames: Iterable[int], *, reader: Hashable = None) -> None:
         """Decode frames that will be played soon, at the playing size."""

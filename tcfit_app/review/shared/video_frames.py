@@ -4,7 +4,7 @@ Nothing here blocks, and nothing raises for a missing or broken video: instead t
 what is on show is tried again.
 
 One thread opens, decodes and encodes, because a video is read forwards. First come requested frames, then those about
-to be played, then thumbnails, then the rest of the clip at the playing size, as far as memory allows. So a jump in a
+to be played, then the rest of the clip at the playing size, as far as memory allows. So a jump in a
 clip that has been open for some seconds shows the playing size at once, and the full size after a seek; a clip no
 larger than that is stored in one size only.
 
@@ -40,9 +40,7 @@ FrameSize = Literal["playing", "full"]
 """Small, for fast playback; or every pixel of the video."""
 PLAYING = (960, 540)
 """Maximum size of a playing frame; transposed for portrait video."""
-THUMBNAIL = (144, 96)
-"""Maximum size of a crop, likewise."""
-_QUALITY = {"crop": 70, "playing": 80, "full": 85}
+_QUALITY: dict[FrameSize, int] = {"playing": 80, "full": 85}
 _GREY = 96
 _log = logging.getLogger(__name__)
 _LIMIT = 256 * 2**20
@@ -55,9 +53,7 @@ _RETRY = 2.0
 _BLOCK = 12
 """Frames per block that are decoded in ascending order for backward playback."""
 
-Crop = tuple[int, int, int, int]
-"""A crop of a frame as a thumbnail: left, top, right and bottom in the video's pixels."""
-Wanted = tuple[int, FrameSize | Crop]
+Wanted = tuple[int, FrameSize]
 
 
 class VideoFrames:
@@ -93,7 +89,6 @@ class VideoFrames:
         self._grey = {shown: placeholder(size, shown) for shown in get_args(FrameSize)}
         one = shown_size(size, "playing") == size
         self._kept: dict[FrameSize, FrameSize] = {"playing": "full" if one else "playing", "full": "full"}
-        self._thumbnails: dict[Hashable, deque[tuple[int, Crop]]] = {}
         self._problem = "" if source else "There is no video: the project was made without one, or it was not found."
         self._problems: dict[int, tuple[str, float]] = {}
         """Why a frame could not be read, and when it was tried."""
@@ -122,25 +117,6 @@ class VideoFrames:
     def nearest(self, frame: int, shown: FrameSize = "full") -> bytes | None:
         """The frame in this size, or in the other one if that is ready; a missing one is decoded next."""
         return self.get(frame, shown) or self._cached((frame, "playing" if shown == "full" else "full"))
-
-    def thumbnails(
-        self, wanted: Iterable[tuple[int, Crop]], *, reader: Hashable = None
-    ) -> dict[tuple[int, Crop], bytes]:
-        """Those crops of frames that are ready; the others are made when nothing else is requested.
-
-        Args:
-            wanted: Frame and crop of each.
-            reader: Who requests them; replaces the reader's previous request.
-        """
-        asked = list(wanted)
-        found = {one: made for one in asked if (made := self._cache.get(one))}
-        missing = deque(one for one in asked if one not in found and one[0] not in self._problems)
-        with self._changed:
-            self._thumbnails.pop(reader, None)
-            if missing:
-                self._thumbnails[reader] = missing
-            self._changed.notify_all()
-        return found
 
     def prefetch(self, frames: Iterable[int], *, reader: Hashable = None) -> None:
         """Decode frames that will be played soon, at the playing size.
@@ -230,12 +206,6 @@ class VideoFrames:
                 if self._missing(wanted):
                     self._coming[reader] = queue
                     return wanted
-        for reader, queue in list(self._thumbnails.items()):
-            while queue:
-                wanted = queue.popleft()
-                if self._missing(wanted):
-                    return wanted
-            del self._thumbnails[reader]
         while self._rest and self._cache.used < _FILLED * self._cache.limit:
             wanted: Wanted = (self._rest.popleft(), self._kept["playing"])
             if self._missing(wanted):
@@ -281,28 +251,23 @@ def _forward(frames: list[int]) -> list[int]:
     return [frame for start in range(0, len(frames), _BLOCK) for frame in reversed(frames[start : start + _BLOCK])]
 
 
-def shown_size(size: tuple[int, int], shown: FrameSize | Literal["crop"]) -> tuple[int, int]:
+def shown_size(size: tuple[int, int], shown: FrameSize) -> tuple[int, int]:
     """Width and height in pixels of a JPEG for a video of `size`: the same shape, never larger."""
     if shown == "full":
         return size
-    bounds = PLAYING if shown == "playing" else THUMBNAIL
-    wide, high = max(bounds), min(bounds)
+    wide, high = max(PLAYING), min(PLAYING)
     most = (wide, high) if size[0] >= size[1] else (high, wide)
     scale = min(1.0, most[0] / size[0], most[1] / size[1])
     return max(1, round(scale * size[0])), max(1, round(scale * size[1]))
 
 
-def encoded(image: UInt8[np.ndarray, "H W 3"], shown: FrameSize | Crop) -> bytes:
-    """A frame (RGB) or a crop of it, as JPEG."""
-    kind = shown if isinstance(shown, str) else "crop"
-    if not isinstance(shown, str):
-        left, top, right, bottom = shown
-        image = image[top:bottom, left:right]
-    size = shown_size((image.shape[1], image.shape[0]), kind)
+def encoded(image: UInt8[np.ndarray, "H W 3"], shown: FrameSize) -> bytes:
+    """A frame (RGB) as JPEG."""
+    size = shown_size((image.shape[1], image.shape[0]), shown)
     if size != (image.shape[1], image.shape[0]):
         # Linear, not by area: 2 against 20 ms when 1080p shrinks by a non-integer factor.
         image = cv2.resize(image, size, interpolation=cv2.INTER_LINEAR)
-    return FrameImage.encode(image, quality=_QUALITY[kind]).data
+    return FrameImage.encode(image, quality=_QUALITY[shown]).data
 
 
 def placeholder(size: tuple[int, int], shown: FrameSize) -> bytes:

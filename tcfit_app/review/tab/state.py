@@ -80,20 +80,6 @@ class FitSettings:
     """Invalid inputs: the name of the setting, and why. No fit can be started until they are corrected."""
 
 
-QueueOrder = Literal["suspicion", "time"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class QueueView:
-    """The part of the review queue that a tab steps through."""
-
-    kind: str = ""
-    """Only entries of this kind; empty: of all."""
-    limb: str = ""
-    """Only entries about this limb, or the whole body; empty: about any."""
-    order: QueueOrder = "suspicion"
-
-
 @dataclass(frozen=True, kw_only=True)
 class TabState:
     """Everything a browser can set about its view."""
@@ -159,8 +145,8 @@ class TabState:
     """Keypoint groups shown."""
     plots: tuple[str, ...] = ("reprojection", "jitter")
     """The rows of the timeline, names of PLOTS."""
-    queue: QueueView = field(default_factory=QueueView)
-    """Which entries of the review queue are listed, and in which order."""
+    queue_kind: str = ""
+    """Only entries of this kind of the review queue are listed; empty: all."""
     ghost: bool = control(False, Switch("space", "A as a ghost", "A as a ghost in 3D, on or off", needs=("bodies",)))
     settings: FitSettings = field(default_factory=FitSettings)
     keys: bool = False

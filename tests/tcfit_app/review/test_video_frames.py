@@ -149,33 +149,6 @@ def test_frames_to_be_played_are_there_without_asking(opened: Callable[..., Vide
     assert len(frames._cache) == len(wanted)
 
 
-def test_thumbnails_wait_for_everybody_else(opened: Callable[..., VideoFrames], monkeypatch):
-    order, gate = [], threading.Event()
-    original = FrameSource.frame
-
-    def recorded(self: FrameSource, index: int) -> np.ndarray:
-        gate.wait(10)
-        order.append(index)
-        return original(self, index)
-
-    monkeypatch.setattr(FrameSource, "frame", recorded)
-    frames = opened(fill=False)
-    whole = (0, 0, *SIZE)
-    wanted = [(1, whole), (20, whole)]
-    part = (20, (30, 10, 90, 60))
-    assert frames.thumbnails(wanted) == frames.thumbnails([part], reader="another") == {}
-    until(lambda: len(frames._thumbnails[None]) == 1)  # it has begun with the first
-    frames.prefetch([7, 8])
-    frames.get(15)
-    gate.set()
-    until(lambda: frames.thumbnails(wanted).keys() == {*wanted} and not frames._thumbnails)
-    assert order == [1, 15, 7, 8, 20]  # the second picture of frame 20 needs no second reading
-    found = frames.thumbnails([*wanted, part])
-    assert {frame: shown(jpeg) for (frame, size), jpeg in found.items() if size == whole} == {1: 1, 20: 20}
-    assert decoded(found[wanted[1]]).shape[1::-1] == (144, 77) and max(map(len, found.values())) < 4000
-    assert decoded(found[part]).shape[1::-1] == (60, 50)
-
-
 def test_a_waiting_reader_comes_before_what_is_played(opened: Callable[..., VideoFrames], monkeypatch):
     order, gate = [], threading.Event()
     original = FrameSource.frame

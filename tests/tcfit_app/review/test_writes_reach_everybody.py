@@ -9,8 +9,6 @@ import pytest
 import viser
 
 from fitting_core import keypoints as kp
-from tcfit_app.analysis.suspicion import Suspect
-from tcfit_app.review.panels.queue_pictures import QueuePictures
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
 from tests.samples.media import write_images
 from tests.samples.project_samples import FRAMES
@@ -80,23 +78,3 @@ def test_a_write_is_known_though_its_tab_was_closed_meanwhile(tested: LonePage, 
     tested.settle()
     assert write.known(tested) != before
     assert [notice.title for notice in tested.notices] == [write.told]
-
-
-def test_small_pictures_are_of_the_video_that_is_linked_now(tested: LonePage, tmp_path: Path):
-    tested.panels = []
-    tab, queue = tested.page.tab, QueuePictures(tested.page.tab)
-    suspect = Suspect(
-        frame=2, frames=range(2, 3), score=2.0, kind="cost", reason="", joints=(7,), about=("left arm",), also=()
-    )
-
-    def shown() -> str | None:
-        queue.draw([suspect])
-        pictures = queue._board._content
-        return pictures if "base64" in pictures and pictures not in seen else None
-
-    seen = []
-    for seed in (0, 1):
-        tab.session.project.relink(images(tmp_path / f"images {seed}", seed=seed))
-        tested.until(shown)
-        seen.append(shown())
-    assert len(set(seen)) == 2

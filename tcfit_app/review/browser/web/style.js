@@ -228,8 +228,6 @@ export const PANEL_SHEET = `
 .tcfit-table tr.tcfit-off td { color: var(--tcfit-off); }
 .tcfit-table tr.tcfit-off td:last-child { text-decoration: line-through var(--tcfit-off); }
 .tcfit-table kbd { margin: 0; font: 13px/1 ${FONT}; color: var(--tcfit-text); white-space: nowrap; }
-.tcfit-picture { display: block; width: 64px; height: 48px; border-radius: 3px; background: #14171b center / cover; }
-.tcfit-table tr:has(.tcfit-picture) td { vertical-align: middle; }
 .tcfit-detected { color: var(--tcfit-detected); } .tcfit-corrected, .tcfit-pinned { color: var(--tcfit-edited); }
 .tcfit-missing { color: var(--tcfit-dim); }
 `;

@@ -10,13 +10,11 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX
-from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
 from tcfit_app.project.edits.kinds import ClearDepth, Lock, MarkBad, Pin, SetDepth, Unlock
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import DragDepth
 from tcfit_app.review.gestures.edit_words import describe
 from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
-from tcfit_app.review.panels.review_panel import ReviewPanel
 from tcfit_app.review.tab.state import FitSettings, Mode
 from tcfit_app.review.tab.tab import Tab
 from tests.drivers.lone_page import LonePage
@@ -160,34 +158,6 @@ def test_what_cannot_be_said_of_depth(tested: LonePage, monkeypatch: pytest.Monk
     with pytest.raises(InputError, match="fit first"):
         tested.press("action", "behind")
     assert len(tab.session.project.log) == 1
-
-
-def test_the_queue_offers_to_mirror_a_limb(tested: LonePage, tiny_body: BodyModel):
-    tab, before = tested.page.tab, depths(tested, tiny_body)
-    tab.session.edit_follower.after_edits = False
-    tested.panels = [panel for panel in tested.page.panels if isinstance(panel, ReviewPanel)]
-    entry = Suspect(
-        frame=4,
-        frames=range(3, 6),
-        score=2.0,
-        kind="depth",
-        reason="right wrist may be 30 cm nearer",
-        joints=(WRIST,),
-        about=("right arm",),
-        also=(),
-    )
-    other = replace(entry, frame=1, frames=range(1, 2), kind="jump", reason="jumps")
-    queue = ReviewQueue(left=(entry, other), looked_at=0)
-    tab.data.queue = lambda shown: queue  # pyright: ignore[reportAttributeAccessIssue]
-    assert tested.html().count("review.mirror") == 1
-    tested.press("review.mirror", "4 depth right arm")
-    edit = last_edit(tested)
-    assert (
-        isinstance(edit, SetDepth)
-        and edit.frames == (3, 4, 5)
-        and (tab.state.frame, tab.state.selection) == (4, (WRIST,))
-    )
-    np.testing.assert_allclose(np.array(edit.depth)[:, 1], 2 * before[3:6, ROOT] - before[3:6, WRIST], atol=PERSPECTIVE)
 
 
 def swap_arms(tab: Tab, monkeypatch: pytest.MonkeyPatch, *, unswapping: bool) -> None:

@@ -27,7 +27,6 @@ from tcfit_app.review.gestures.actions import ACTIONS
 from tcfit_app.review.gestures.zooming import surroundings, zoom_to_selection
 from tcfit_app.review.page import SKELETON
 from tcfit_app.review.panels import PANELS
-from tcfit_app.review.tab.state import QueueView
 from tcfit_app.server.viser_bridge import icon, keep_icons_open
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
 from tests.samples.media import write_images
@@ -377,18 +376,8 @@ def test_the_review_queue(tested: LonePage):
     assert page.tab.state.frame == 4
     tested.press("action", "fine")
     assert "flagged frames: 1" in tested.html()
-    page.tab.seek(0)
-    tested.press("review.frame", "2")
-    assert page.tab.state.frame == 2 and "Remove flag" in tested.html()
-
-
-def test_the_queue_comes_before_flags_and_notes(tested: LonePage):
-    with_suspects(tested, suspect(4), suspect(2))
-    tested.page.tab.seek(2)
-    tested.press("action", "flag")
-    shown = tested.html()
-    places = [shown.index(f"<b>{title}</b>") for title in ("Suspicious frames", "Queue", "Flagged", "Notes")]
-    assert places == sorted(places)
+    page.tab.seek(2)
+    assert "Remove flag" in tested.html()
 
 
 def test_looks_fine_is_taken_back_and_leaves_flags(tested: LonePage):
@@ -510,31 +499,20 @@ def test_the_last_queue_is_gone_through_while_a_newer_one_is_computed(tested: Lo
         assert page.tab.state.frame == frame
 
 
-def test_the_queue_is_filtered_and_ordered(tested: LonePage):
+def test_the_queue_is_filtered_by_kind(tested: LonePage):
     page, first = tested.page, suspect(4)
-    leg = replace(suspect(2), kind="jump", score=1.5, about=("left leg",), reason="left knee jumps")
-    head = replace(suspect(3), kind="jump", score=1.2, about=("head",), reason="nose jumps")
-    with_suspects(tested, first, leg, head)
-    assert 'data-tcfit="review.order"' not in tested.html(), "three entries need no order"
-    page.tab.set(queue=QueueView(order="time"))
-
-    def visited() -> list[int]:
-        seen = []
-        for _ in page.gestures.reviewing.suspects or ():
-            tested.press("action", "next_suspect")
-            seen.append(page.tab.state.frame)
-        return seen
-
-    assert [s.frame for s in page.gestures.reviewing.suspects or ()] == [2, 3, 4]
+    knee = replace(suspect(2), kind="jump", score=1.5, about=("left leg",), reason="left knee jumps")
+    others = (
+        replace(suspect(frame), kind="jump", score=1.2, about=("head",), reason="nose jumps") for frame in range(4)
+    )
+    with_suspects(tested, first, knee)
+    assert 'data-tcfit="review.kind"' not in tested.html(), "two entries need no filter"
+    with_suspects(tested, first, knee, *others)
     tested.html()
-    tested.press("review.order", "suspicion")
-    assert visited() == [4, 2, 3]
-    page.tab.set(queue=QueueView(order="time"))
-    assert sorted(visited()) == [2, 3, 4] and [s.frame for s in page.gestures.reviewing.suspects or ()] == [2, 3, 4]
     tested.press("review.kind", "jump")
     assert "left wrist 42 px off" not in tested.html() and "left knee jumps" in tested.html()
-    tested.press("review.limb", "head")
-    assert [s.frame for s in page.gestures.reviewing.suspects or ()] == [3]
+    tested.press("action", "next_suspect")
+    assert page.tab.state.frame == 2
     with_suspects(tested, first)
     assert "None of these is left." in tested.html()
     with pytest.raises(InputError, match="No entry of the queue is listed"):
