@@ -397,7 +397,8 @@ class EditFollower:
                 run.
         """
         self._catch_up()
-        if run is not None and self._includes(self.of(run), edit) != (stands := self._project.standing.stood(edit)):
+        stands = bool(self._project.standing.stood(edit))
+        if run is not None and self._includes(self.of(run), edit) != stands:
             self.follow(self._project.runs.get(run), {edit: stands})
 
     def _includes(self, run: Run, edit: int) -> bool | None:
