@@ -245,19 +245,12 @@ class Project:
 
     @property
     def clip(self) -> Clip:
-        """The clip to fit now: corrected keypoints, and the source's current path. After an edit of a long clip this
-        takes some milliseconds, without blocking others."""
-        while True:
-            with self._guard:
-                history, news = self._history, self._history.news()
-            made = news.keypoints()
-            with self._guard:
-                if history is not self._history:
-                    continue
-                keypoints = history.keep(news, made)
-                if self._clip is None or self._clip.keypoints is not keypoints or self._clip.source != self.media.path:
-                    self._clip = replace(self.footage, keypoints=keypoints)
-                return self._clip
+        """The clip to fit now: corrected keypoints, and the source's current path."""
+        with self._guard:
+            keypoints = self._history.keypoints
+            if self._clip is None or self._clip.keypoints is not keypoints or self._clip.source != self.media.path:
+                self._clip = replace(self.footage, keypoints=keypoints)
+            return self._clip
 
     @property
     def has_detections(self) -> bool:

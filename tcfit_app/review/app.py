@@ -22,7 +22,7 @@ from tcfit_app.review.browser.page_events import Hello, PageEvent
 from tcfit_app.review.page import REST, Faults, Page
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.drawing_data import DrawingData
-from tcfit_app.review.shared.shared_video import Videos
+from tcfit_app.review.shared.video_frames import Videos
 from tcfit_app.review.tab.people import Group, Someone
 from tcfit_app.review.tab.tab import Tab, remember
 from tcfit_app.server.gated_viser import visitor

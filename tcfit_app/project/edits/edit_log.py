@@ -178,23 +178,6 @@ Marking = Literal["told", "bad", "key"]
 """A field of `Corrected`, shown per frame in the timeline."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class KeypointsNews:
-    """A change of keypoints, or their state in a clip of any length."""
-
-    before: Keypoints
-    frames: list[int]
-    """The changed frames."""
-    rows: Corrected
-    """Those frames' keypoints."""
-    version: int
-    """Of the history, the number of its changes."""
-
-    def keypoints(self) -> Keypoints:
-        """The current keypoints."""
-        return self.rows.put_into(self.before, self.frames) if self.frames else self.before
-
-
 class EditHistory:
     """The state that a log produces: the corrected keypoints, and what can be undone and redone.
 
@@ -235,7 +218,6 @@ class EditHistory:
         self._keypoints = replace(detections, xy=read_only(detections.xy), confidence=read_only(detections.confidence))
         """The keypoints to fit before the frames in `_changed` changed."""
         self._changed: set[int] = set()
-        self._version = 0
         self._touched: set[int] = set()
         """All frames changed by any edit."""
         self._marked: dict[Marking, set[int]] = {marking: set() for marking in get_args(Marking)}
@@ -307,22 +289,10 @@ class EditHistory:
     @property
     def keypoints(self) -> Keypoints:
         """The keypoints to fit."""
-        news = self.news()
-        return self.keep(news, news.keypoints())
-
-    def news(self) -> "KeypointsNews":
-        """What computes `keypoints`, which takes longer in a long clip: for callers that cannot wait."""
-        frames = sorted(self._changed)
-        rows = Corrected(records=self._now.records[frames])
-        return KeypointsNews(before=self._keypoints, frames=frames, rows=rows, version=self._version)
-
-    def keep(self, news: "KeypointsNews", made: Keypoints) -> Keypoints:
-        """Store the result of `news`, so that later news are relative to it."""
-        if news.before is self._keypoints:
-            self._keypoints = made
-            if news.version == self._version:
-                self._changed.clear()
-        return made
+        if frames := sorted(self._changed):
+            self._keypoints = Corrected(records=self._now.records[frames]).put_into(self._keypoints, frames)
+            self._changed.clear()
+        return self._keypoints
 
     def check(self, action: LogAction) -> None:
         """Raise InputError if this cannot be the next action."""
@@ -424,7 +394,6 @@ class EditHistory:
 
     def _note(self, frames: Iterable[int]) -> None:
         """Record that frames have changed."""
-        self._version += 1
         for those in (self._changed, self._touched, self._unmarked):
             those.update(frames)
 

@@ -162,12 +162,13 @@ class Frames:
     def _image(self) -> FrameImage | None:
         """The video frame; the previous one while a paused frame is being decoded."""
         tab, state, video = self._tab, self._tab.state, self._data.video
+        now = tab.first_frame + state.frame
         if state.playing:
             frames = coming(state.frame, tab.played, _AHEAD, loop=state.loop)
-            video.prefetch([state.frame, *frames], reader=tab)
-            data = video.get(state.frame, "playing")
+            video.prefetch([now, *(tab.first_frame + frame for frame in frames)], reader=tab)
+            data = video.get(now, "playing")
         else:
-            data = video.nearest(state.frame)
+            data = video.nearest(now)
         return None if data is None else tab.once("image", data, lambda: FrameImage(data=data))
 
     def _bodies(self, shown: OnShow, present: Present, *, hidden: bool) -> tuple[dict[Slot, BodyLayer], str]:

@@ -46,7 +46,8 @@ class Status:
             chips.append(Chip(text=f"{waiting} waiting", kind="busy"))
         if going := self._finding():
             chips.append(going)
-        frame_problem = "" if session.project.media.problem else tab.data.video.problem_of(tab.state.frame)
+        of_frame = tab.data.video.problem_of(tab.first_frame + tab.state.frame)
+        frame_problem = "" if session.project.media.problem else of_frame
         chips += [Chip(text=text, kind="warning") for text in (frame_problem, problem, self._gap()) if text]
         text, until = tab.message
         if text and now < until:

@@ -257,4 +257,4 @@ class ReviewPanel:
     @property
     def _video_problem(self) -> str:
         tab = self._tab
-        return tab.session.project.media.problem or tab.data.video.problem_of(tab.state.frame)
+        return tab.session.project.media.problem or tab.data.video.problem_of(tab.first_frame + tab.state.frame)

@@ -34,7 +34,7 @@ from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.scene.room import Room, room_around
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.session.tasks import Value
-from tcfit_app.review.shared.shared_video import SharedVideo, Videos
+from tcfit_app.review.shared.video_frames import VideoFrames, Videos
 
 _SAMPLED = 120
 """Maximum number of frames whose whole bodies determine a clip's extent: 0.1 s."""
@@ -93,22 +93,22 @@ class DrawingData:
         """Whether the first body is still being read (a second); the drawing thread does not wait for it."""
         self._video = self._opened()
 
-    def _opened(self) -> SharedVideo:
+    def _opened(self) -> VideoFrames:
         self._of_video = self.session.project.video_version
         return self._videos.of(self.session.project.footage)
 
     @property
-    def video(self) -> SharedVideo:
-        """The frames of the project's media: a new object when the media change."""
+    def video(self) -> VideoFrames:
+        """The frames of the project's media, by their numbers there: a new object when the media change."""
         if self._of_video != self.session.project.video_version:
-            self._video.close()
+            self._videos.leave(self._video)
             self._video = self._opened()
         return self._video
 
     def warm_up(self) -> None:
         """Read what the first picture of a fitted project needs, before it is requested, or what the first fit does."""
         self.warming = True
-        self.video.get(0)
+        self.video.get(self.session.project.footage.first_frame)
         self.tasks.get("warm", self._first_body)
         self.tasks.get("warm fit", self.session.warm_up)
 
@@ -124,7 +124,7 @@ class DrawingData:
 
     def close(self) -> None:
         """End the video thread."""
-        self._video.close()
+        self._videos.leave(self._video)
 
     def meshes(self, shown: Shown) -> Meshes:
         """Of the run's body. Raises InputError if its model is missing."""

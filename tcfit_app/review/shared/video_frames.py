@@ -31,6 +31,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from fitting_core.camera import Lens
+from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.video.frames import FrameSource
 from tcfit_app.analysis.byte_cache import ByteCache
@@ -57,12 +58,11 @@ Wanted = tuple[int, FrameSize]
 
 
 class VideoFrames:
-    """Frames of one clip. Thread-safe.
+    """Frames of a video, by their numbers there. Thread-safe.
 
     Args:
         source: A video or a folder of images, if any.
-        first_frame: The source's frame number of the clip's frame 0.
-        count: Number of frames in the clip.
+        numbers: The source's frames that can be requested, from 0.
         size: Width and height in pixels of the clip's camera: the placeholder's shape.
         lens: Of the clip's camera, whose distortion is removed.
         limit: Size of the cache in bytes.
@@ -74,16 +74,14 @@ class VideoFrames:
         self,
         source: Path | None,
         *,
-        first_frame: int,
-        count: int,
+        numbers: range,
         size: tuple[int, int],
         lens: Lens | None = None,
         limit: int = _LIMIT,
         fill: bool = True,
         arrived: Callable[[], None] = lambda: None,
     ) -> None:
-        self.count, self.size = count, size
-        self._first, self._arrived = first_frame, arrived
+        self.numbers, self.size, self._arrived = numbers, size, arrived
         self._awaited: set[Wanted] = set()
         self._cache: ByteCache[bytes] = ByteCache(limit, len)
         self._grey = {shown: placeholder(size, shown) for shown in get_args(FrameSize)}
@@ -94,7 +92,7 @@ class VideoFrames:
         """Why a frame could not be read, and when it was tried."""
         self._asked: deque[Wanted] = deque(maxlen=_WAITING)
         self._coming: dict[Hashable, deque[Wanted]] = {}
-        self._rest = deque(range(count)) if fill else deque()
+        self._rest = deque(numbers) if fill else deque()
         self._changed = threading.Condition()
         self._closed = source is None
         self._thread = threading.Thread(target=self._work, args=(source, lens), name="video frames", daemon=True)
@@ -107,7 +105,7 @@ class VideoFrames:
 
     def get(self, frame: int, shown: FrameSize = "full") -> bytes | None:
         """The frame as JPEG if it is ready; otherwise None, and it is decoded next."""
-        assert 0 <= frame < self.count
+        assert frame in self.numbers
         wanted: tuple[int, FrameSize] = frame, self._kept[shown]
         found = self._cached(wanted)
         if found is None or self._retried(frame):
@@ -126,7 +124,7 @@ class VideoFrames:
             reader: Who plays; replaces the reader's previous frames.
         """
         kept = self._kept["playing"]
-        coming: deque[Wanted] = deque((frame, kept) for frame in _forward(list(frames)) if 0 <= frame < self.count)
+        coming: deque[Wanted] = deque((frame, kept) for frame in _forward(list(frames)) if frame in self.numbers)
         with self._changed:
             self._coming[reader] = coming
             self._changed.notify_all()
@@ -221,7 +219,7 @@ class VideoFrames:
         """Decode and cache a frame; returns its pixels, because its other size is often wanted next."""
         frame, shown = wanted
         try:
-            image = last[1] if last and last[0] == frame else frames.frame(self._first + frame)
+            image = last[1] if last and last[0] == frame else frames.frame(frame)
             self._cache.put(wanted, encoded(image, shown))
             last = frame, image
             self._problems.pop(frame, None)
@@ -274,3 +272,64 @@ def placeholder(size: tuple[int, int], shown: FrameSize) -> bytes:
     """A grey frame instead of one that cannot be shown."""
     width, height = shown_size(size, shown)
     return encoded(np.full((height, width, 3), _GREY, np.uint8), "full")
+
+
+# --- one video for several people of a clip ---
+
+_Filmed = tuple[Path | None, tuple[int, int], Lens | None]
+"""What must match for frames to be shared: the source, and the camera's size and lens."""
+
+
+class Videos:
+    """The videos of a clip's people, each open once while someone shows it.
+
+    Args:
+        clips: Of the people.
+        arrived: Called from another thread when a requested frame is ready.
+    """
+
+    def __init__(self, clips: Iterable[Clip], arrived: Callable[[], None]) -> None:
+        self._arrived = arrived
+        self._spans: dict[_Filmed, range] = {}
+        for clip in clips:
+            own = _numbers(clip)
+            known = self._spans.setdefault(_filmed(clip), own)
+            self._spans[_filmed(clip)] = range(min(known.start, own.start), max(known.stop, own.stop))
+        self._open: dict[tuple[_Filmed, range], tuple[VideoFrames, int]] = {}
+        """With the number of users."""
+
+    def of(self, clip: Clip) -> VideoFrames:
+        """The frames of a clip, whose media may have been relinked since; to be given to `leave` in the end."""
+        filmed, own = _filmed(clip), _numbers(clip)
+        span = self._spans.get(filmed, own)
+        span = span if span.start <= own.start and own.stop <= span.stop else own
+        frames, count = self._open.get((filmed, span)) or (self._read(clip, span), 0)
+        self._open[filmed, span] = frames, count + 1
+        return frames
+
+    def _read(self, clip: Clip, span: range) -> VideoFrames:
+        camera = clip.camera
+        return VideoFrames(
+            clip.source,
+            numbers=span,
+            size=camera.size,
+            lens=camera.lens,
+            arrived=self._arrived,
+        )
+
+    def leave(self, frames: VideoFrames) -> None:
+        """A clip is no longer shown; its video is released with its last one."""
+        key = next(key for key, (known, _) in self._open.items() if known is frames)
+        _, count = self._open.pop(key)
+        if count > 1:
+            self._open[key] = frames, count - 1
+        else:
+            frames.close()
+
+
+def _filmed(clip: Clip) -> _Filmed:
+    return clip.source, clip.camera.size, clip.camera.lens
+
+
+def _numbers(clip: Clip) -> range:
+    return range(clip.first_frame, clip.first_frame + len(clip))

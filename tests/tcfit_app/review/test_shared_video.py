@@ -1,17 +1,14 @@
-"""One video for several people: frames by each one's own numbers, decoded once."""
+"""One video for several people, decoded once."""
 
 import time
 from dataclasses import replace
 from pathlib import Path
-from unittest.mock import patch
 
 import cv2
 import numpy as np
 
 from fitting_core.clip import Clip
-from tcfit_app.review.shared import shared_video
-from tcfit_app.review.shared.shared_video import SharedVideo, Videos
-from tcfit_app.review.shared.video_frames import VideoFrames
+from tcfit_app.review.shared.video_frames import VideoFrames, Videos
 from tests.samples.project_samples import CAMERA, sample_clip
 
 FRAMES = 12
@@ -29,7 +26,7 @@ def images(folder: Path) -> Path:
     return folder
 
 
-def brightness(video: SharedVideo, frame: int) -> float:
+def brightness(video: VideoFrames, frame: int) -> float:
     end = time.monotonic() + 20
     while (found := video.get(frame)) is None:
         assert time.monotonic() < end
@@ -37,27 +34,25 @@ def brightness(video: SharedVideo, frame: int) -> float:
     return float(cv2.imdecode(np.frombuffer(found, np.uint8), cv2.IMREAD_COLOR).mean())
 
 
-def test_each_person_counts_from_the_own_first_frame(tmp_path: Path) -> None:
+def test_people_of_one_video_share_its_frames(tmp_path: Path) -> None:
     source = images(tmp_path / "video")
     one, other = clip_of(source, 0, 8), clip_of(source, 5, 7)
-    with patch.object(shared_video, "VideoFrames", wraps=VideoFrames) as opened:
-        videos = Videos([one, other], lambda: None)
-        first, second = videos.of(one), videos.of(other)
-        assert opened.call_count == 1
-    for video, frame, number in ((first, 0, 0), (first, 7, 7), (second, 0, 5), (second, 6, 11)):
-        assert abs(brightness(video, frame) - 20 * number) < 2
-    first.close()
-    assert abs(brightness(second, 2) - 140) < 2  # still open
-    frames = second._frames
-    second.close()
-    assert not frames._thread.is_alive()
+    videos = Videos([one, other], lambda: None)
+    first, second = videos.of(one), videos.of(other)
+    assert first is second and first.numbers == range(12)
+    for number in (0, 5, 11):
+        assert abs(brightness(first, number) - 20 * number) < 2
+    videos.leave(first)
+    assert abs(brightness(second, 7) - 140) < 2  # still open
+    videos.leave(second)
+    assert not second._thread.is_alive()
 
 
 def test_another_video_and_frames_beyond_the_others_are_opened_for_themselves(tmp_path: Path) -> None:
     source, moved = images(tmp_path / "video"), images(tmp_path / "elsewhere")
     videos = Videos([clip_of(source, 0, 4)], lambda: None)
     shown = [videos.of(clip) for clip in (clip_of(source, 0, 4), clip_of(moved, 2, 3), clip_of(source, 2, 8))]
-    assert len({id(video._frames) for video in shown}) == 3
-    assert abs(brightness(shown[1], 0) - 40) < 2 and abs(brightness(shown[2], 7) - 180) < 2
+    assert [video.numbers for video in shown] == [range(4), range(2, 5), range(2, 10)]
+    assert abs(brightness(shown[1], 2) - 40) < 2 and abs(brightness(shown[2], 9) - 180) < 2
     for video in shown:
-        video.close()
+        videos.leave(video)

@@ -52,8 +52,8 @@ def opened(video: Path) -> Callable[..., VideoFrames]:
     """opened(source=video, **options): frames that are closed at the end."""
     every: list[VideoFrames] = []
 
-    def make(source: Path | None = video, *, first_frame: int = 0, count: int = COUNT, **options) -> VideoFrames:
-        every.append(VideoFrames(source, first_frame=first_frame, count=count, size=SIZE, **options))
+    def make(source: Path | None = video, *, numbers: range = range(COUNT), **options) -> VideoFrames:
+        every.append(VideoFrames(source, numbers=numbers, size=SIZE, **options))
         return every[-1]
 
     yield make
@@ -102,11 +102,6 @@ def test_every_frame_in_any_order(opened: Callable[..., VideoFrames], kind: Fram
     assert red[0] > 240 and red[1:].max() < 15
 
 
-def test_a_clip_that_starts_later_in_its_video(opened: Callable[..., VideoFrames]):
-    frames = opened(first_frame=5, count=10)
-    assert [shown(waited(frames, frame)) for frame in (0, 9)] == [5, 14]
-
-
 @pytest.mark.parametrize("at", ["opening", "decoding"])
 def test_whatever_goes_wrong_in_the_thread_is_told_and_nobody_waits_for_ever(
     opened: Callable[..., VideoFrames], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, at: str
@@ -135,7 +130,7 @@ def test_asking_does_not_wait_but_has_the_frame_decoded(opened: Callable[..., Vi
 
 def test_a_small_clip_is_kept_in_one_size(tmp_path: Path):
     small = walk(tmp_path / "small.avi", (192, 108))
-    with closing(VideoFrames(small, first_frame=0, count=COUNT, size=(192, 108))) as frames:
+    with closing(VideoFrames(small, numbers=range(COUNT), size=(192, 108))) as frames:
         assert waited(frames, 7) is frames.get(7, "playing") is frames.nearest(7)
         until(lambda: len(frames._cache) == COUNT)
 
@@ -210,7 +205,7 @@ def test_no_video_is_a_grey_frame_and_a_reason(opened: Callable[..., VideoFrames
 
 
 def test_missing_frames_are_grey_and_the_others_are_not(opened: Callable[..., VideoFrames]):
-    frames = opened(count=COUNT + 3)
+    frames = opened(numbers=range(COUNT + 3))
     assert shown(waited(frames, COUNT - 1)) == COUNT - 1
     assert waited(frames, COUNT) == placeholder(SIZE, "full")
     assert f"There is no frame {COUNT}" in frames.problem_of(COUNT)
@@ -250,7 +245,7 @@ def test_a_frame_that_can_be_read_again_is_shown(
 
 
 def test_closing_ends_the_thread_at_once(video: Path):
-    frames = VideoFrames(video, first_frame=0, count=COUNT, size=SIZE)
+    frames = VideoFrames(video, numbers=range(COUNT), size=SIZE)
     frames.prefetch(range(COUNT))
     frames.close()
     assert not frames._thread.is_alive()
