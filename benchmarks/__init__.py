@@ -11,7 +11,6 @@ root. They need the development data (see clips.py), which is not part of the pr
     error_bars      error bars beside true errors, and the table that widens them
     keypoint_noise  noise of each keypoint by detector
     detector        the embedded detector: confidence, hands, speed
-    motion_sheets   pictures of the motion suite: camera, truth and fits from the side
     speed           time and memory of whole fits, by phase and length
     profile         time of a fit by part
     video_stages    time of each stage from a plain video to its fit

@@ -373,20 +373,6 @@ def without_keypoints(project: Path, folder: Path) -> Path:
     return folder / "demo.tcfit"
 
 
-def without_video(project: Path, folder: Path) -> Path:
-    """A copy whose video is gone."""
-    copy = as_it_is(project, folder)
-    with Project.open(copy) as opened:
-        source = opened.media.path
-        if source is None or not source.is_file():
-            raise InputError("This project's video is missing: give a project that finds its video file.")
-        moved = folder / source.name
-        shutil.copy(source, moved)
-        opened.relink(moved)
-    moved.unlink()
-    return copy
-
-
 @dataclass(frozen=True, kw_only=True)
 class Scene:
     """A project, and what is done with it."""
@@ -409,7 +395,6 @@ SCENES = {
     "docs": Scene(shots=documentation),
     "read-only": Scene(shots=first_look, read_only=True),
     "no-fit": Scene(shots=first_look, make=without_fit),
-    "no-video": Scene(shots=first_look, make=without_video),
     "no-keypoints": Scene(shots=starting, make=without_keypoints),
 }
 """By what their pictures' names begin with."""

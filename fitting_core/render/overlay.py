@@ -1,5 +1,6 @@
-"""Pictures and videos of motions: as the camera saw them, over the video, or from the person's side, on a floor."""
+"""Pictures, contact sheets and videos of motions: over the video, or from the person's side, on a floor."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,13 +12,15 @@ from jaxtyping import Float, UInt8
 
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import StrPath
 from fitting_core.keypoints import BONES, GROUPS, Keypoints
 from fitting_core.motion import CHUNK, Motion
 from fitting_core.render.renderer import DEFAULT_COLOR, Renderer, scaled_camera
-from fitting_core.render.sheets import Image, View, beside
 from fitting_core.video.encoding import video_writer
 
+Image = UInt8[np.ndarray, "H W 3"]
+"""RGB."""
 ViewName = Literal["camera", "side"]
 ImageOf = Callable[[int], Image]
 """From a frame of the motion, counted from its first as 0, to the video's image, RGB."""
@@ -44,6 +47,10 @@ _CELL = 0.5
 _BEYOND = 1.0
 """Metres of floor around what moves."""
 _INK = (210, 210, 210)
+_DISTANCE = 8.0
+"""Distance of the side view's eye, in extents: limbs nearly keep their lengths wherever they point."""
+_SHEET_GAP, _CAPTION_HEIGHT, _CAPTION_INK = 6, 18, (40, 40, 40)
+_FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -245,11 +252,48 @@ def _labelled(image: Image, label: str) -> Image:
 # --- from the side ---
 
 
+@dataclass(frozen=True, kw_only=True)
+class _View:
+    """A place to look from, in the body's own world: x to the body's left, y up, z forward, metres."""
+
+    center: tuple[float, float, float]
+    """What is in the middle of the picture."""
+    extent: float = 2.1
+    """How many metres the shorter side of the picture shows there."""
+    degrees: float = 0.0
+    """0 sees the front of a body that faces +z, 90 its left side, 180 its back."""
+    size: tuple[int, int] = (240, 320)
+    """Width and height in pixels."""
+
+    @property
+    def _away(self) -> float:
+        """Metres from the eye to the middle."""
+        return _DISTANCE * self.extent
+
+    @property
+    def camera(self) -> Camera:
+        """The camera that belongs to `camera_space`."""
+        focal = min(self.size) * self._away / self.extent
+        return Camera(focal=(focal, focal), center=(self.size[0] / 2, self.size[1] / 2), size=self.size)
+
+    def camera_space(self, points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
+        """Points in the camera's space: x right, y down, z away."""
+        turn = math.radians(self.degrees)
+        around = np.array([[math.cos(turn), 0, -math.sin(turn)], [0, 1, 0], [math.sin(turn), 0, math.cos(turn)]])
+        seen = (np.asarray(points, float) - self.center) @ around.T
+        return seen * [1, -1, -1] + [0, 0, self._away]
+
+    def pixels(self, points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 2"]:
+        """Where points appear."""
+        seen, camera = self.camera_space(points), self.camera
+        return seen[:, :2] / seen[:, 2:] * camera.focal + camera.center
+
+
 @dataclass(frozen=True, eq=False)
 class _Side:
     """The view from the side, with its background of half-metre squares on the floor."""
 
-    view: View
+    view: _View
     background: Image
 
     @staticmethod
@@ -259,7 +303,7 @@ class _Side:
         low, high = joints.min(0) - _ROOM, joints.max(0) + _ROOM
         corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
         length = 2 * round(height / 2)  # video encoders want it even
-        view = View(
+        view = _View(
             center=tuple((low + high) / 2),
             extent=1.0,
             degrees=90 + _camera_side(standing[0].motion),
@@ -289,7 +333,7 @@ def _camera_side(motion: Motion) -> float:
     return float(np.degrees(np.arctan2(backward[0], backward[2])))
 
 
-def _draw_floor(image: Image, view: View, low: np.ndarray, high: np.ndarray, height: float) -> None:
+def _draw_floor(image: Image, view: _View, low: np.ndarray, high: np.ndarray, height: float) -> None:
     """Draw half-metre squares, in place."""
     first = np.floor((low[[0, 2]] - _BEYOND) / _CELL) * _CELL
     last = np.ceil((high[[0, 2]] + _BEYOND) / _CELL) * _CELL
@@ -299,3 +343,64 @@ def _draw_floor(image: Image, view: View, low: np.ndarray, high: np.ndarray, hei
         ends = view.pixels(np.array([(x, height, z) for x, z in line]))
         a, b = np.round(ends * 2**_SUBPIXEL_BITS).clip(-(2**24), 2**24).astype(int).tolist()
         cv2.line(image, a, b, _INK, max(1, min(view.size) // 480), cv2.LINE_AA, _SUBPIXEL_BITS)
+
+
+# --- pictures beside each other ---
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cell:
+    """One place in a sheet."""
+
+    picture: Image
+    """RGB; all cells of a sheet may differ in size."""
+    caption: str = ""
+
+
+def beside(pictures: Sequence[Image], gap: int = 0) -> Image:
+    """Pictures in a row with white between them, and where they are not equally high."""
+    height = max(len(picture) for picture in pictures)
+    row = [np.pad(_padded(p, height, p.shape[1]), ((0, 0), (gap, 0), (0, 0)), constant_values=255) for p in pictures]
+    return np.concatenate(row, 1)[:, gap:]
+
+
+def sheet(cells: Sequence[Cell], columns: int) -> Image:
+    """Cells row by row with their captions below; rows are as high, and columns as wide, as the largest cell."""
+    assert cells and columns > 0
+    height = max(len(cell.picture) for cell in cells)
+    width = max(cell.picture.shape[1] for cell in cells)
+    captioned = [_captioned(_padded(cell.picture, height, width), cell.caption) for cell in cells]
+    blank = np.full_like(captioned[0], 255)
+    captioned += [blank] * (-len(captioned) % columns)
+    rows = [np.concatenate(captioned[i : i + columns], 1) for i in range(0, len(captioned), columns)]
+    return np.concatenate(rows, 0)
+
+
+def write_sheet(path: Path, cells: Sequence[Cell], columns: int) -> None:
+    """Write a sheet as an image file (PNG by its name's ending). Raises InputError if the file cannot be written."""
+    try:
+        with replacing(path) as draft:
+            written = cv2.imwrite(str(draft), sheet(cells, columns)[..., ::-1])
+    except (OSError, cv2.error) as error:
+        raise InputError(f"{path}: cannot be written as a picture ({error}). Give a name such as sheet.png.") from error
+    if not written:
+        raise InputError(f"{path}: cannot be written. Give a name such as sheet.png in a folder that exists.")
+
+
+def _padded(picture: Image, height: int, width: int) -> Image:
+    """The picture in the middle of a white one."""
+    below, right = height - picture.shape[0], width - picture.shape[1]
+    sides = ((below // 2, below - below // 2), (right // 2, right - right // 2), (0, 0))
+    return np.pad(picture, sides, constant_values=255)
+
+
+def _captioned(picture: Image, caption: str) -> Image:
+    """The picture with a caption below it and a gap around both; a long caption is cut."""
+    sides = ((_SHEET_GAP // 2, _CAPTION_HEIGHT + _SHEET_GAP // 2), (_SHEET_GAP // 2, _SHEET_GAP // 2), (0, 0))
+    framed = np.pad(picture, sides, constant_values=255)
+    while caption and cv2.getTextSize(caption, _FONT, _FONT_SCALE, 1)[0][0] > picture.shape[1]:
+        caption = caption[:-1]
+    cv2.putText(
+        framed, caption, (_SHEET_GAP, len(framed) - _SHEET_GAP), _FONT, _FONT_SCALE, _CAPTION_INK, 1, cv2.LINE_AA
+    )
+    return framed

@@ -13,8 +13,7 @@ from fitting_core.clip import Clip
 from fitting_core.io.motion_files import motion_of
 from fitting_core.keypoints import Keypoints
 from fitting_core.motion import Progress
-from fitting_core.render.overlay import PANEL_COLORS, ImageOf, Shown, pictures, write_overlay
-from fitting_core.render.sheets import Cell, write_sheet
+from fitting_core.render.overlay import PANEL_COLORS, Cell, ImageOf, Shown, pictures, write_overlay, write_sheet
 from fitting_core.results.fit_result import FitResult
 from fitting_core.video.frames import FrameSource
 from tcfit_app.exports.source import ExportedFit, ExportSource

@@ -41,13 +41,6 @@ def test_each_has_the_frames_from_first_to_last(keypoints: Path):
     assert people_of([one, other]).name == "walk" and people_of([one, other]).people == (one.about, other.about)
 
 
-def test_a_part_of_the_clip(keypoints: Path):
-    people = read_people(
-        None, keypoints, clip=ClipOptions(image_size=SIZE, frame_rate=25, first_frame=5, last_frame=24)
-    )
-    assert [one.about.frames for one in people] == [(5, 24), (13, 24)]
-
-
 def test_the_estimated_camera_is_one_for_all(keypoints: Path, monkeypatch: pytest.MonkeyPatch):
     """And comes from whoever is largest and surest."""
     asked = []

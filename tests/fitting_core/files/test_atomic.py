@@ -50,11 +50,6 @@ def test_a_name_that_is_too_long_is_refused_at_once(tmp_path: Path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_folder_that_is_not_there_is_told(tmp_path: Path):
-    with pytest.raises(FileNotFoundError), replacing(tmp_path / "nowhere" / "a.txt") as draft:
-        draft.write_text("")
-
-
 def test_two_who_write_to_the_same_place_do_not_meet(tmp_path: Path):
     path = tmp_path / "a.txt"
     with replacing(path) as one, replacing(path) as other:

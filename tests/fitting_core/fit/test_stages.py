@@ -57,13 +57,6 @@ def test_observed_joints_have_a_keypoint_below_them(free_body: BodyModel):
     assert stages.observed[:, [JOINT[n] for n in ("pelvis", "spine1", "spine3", "neck", "head", "jaw")]].all()
 
 
-def test_usable_frames_show_four_body_keypoints(tiny_body: BodyModel, detections: Keypoints):
-    part = hidden(detections, slice(3, 25), frames=slice(0, 1))
-    part.confidence[0, 3], part.xy[0, 3] = 0.19, detections.xy[0, 3]  # not quite seen
-    part.confidence[1, 4:25] = 0
-    assert stages_of(tiny_body, part, FitConfig()).observations.usable.tolist() == [False, True]
-
-
 def test_stages_are_freed_with_their_last_user(tiny_body: BodyModel, detections: Keypoints):
     """Without a look for cycles, which may not come for minutes: a long fit makes thousands of them."""
     stages = stages_of(tiny_body, detections, FitConfig())

@@ -57,15 +57,6 @@ def test_a_turned_camera_sees_the_same_person():
         assert bool((torch.linalg.det(m.to_virtual) > 0).all()) and float(m.to_virtual[:, 0, 1].abs().max()) < 1e-12
 
 
-def test_what_is_not_seen_does_not_count():
-    rays, confidence = torch.randn(1, FRAMES, POINTS, 2), torch.ones(1, FRAMES, POINTS)
-    confidence[:, :, [3, 4]] = 0.0
-    moved = rays.clone()
-    moved[:, :, [3, 4]] = 50.0
-    one, other = (seen(r, confidence, torch.ones(1)).features for r in (rays, moved))
-    assert torch.equal(one, other) and one.shape == (1, FRAMES, N_FEATURES)
-
-
 @pytest.mark.parametrize(("frames", "rate"), [(1, 25.0), (2, 60.0), (7, 12.5), (40, 20.0), (130, 60.0)])
 def test_every_frame_of_a_clip_is_lifted(weights: Path, frames: int, rate: float):
     found = lifted(weights, *detections(frames), rate)

@@ -8,7 +8,7 @@ import pytest
 
 from fitting_core.errors import InputError
 from fitting_core.measure.comparison import Comparison, figure_titles
-from fitting_core.measure.records import BASELINE, Evaluation, Record, overall, pooled
+from fitting_core.measure.records import BASELINE, Evaluation, Record
 from fitting_core.measure.report import report_page
 
 
@@ -29,19 +29,6 @@ RECORDS = (
     record("simple_2", BASELINE, [1.0, None]),
     record("simple_2", "tcfit", [3.0, 5.0]),
 )
-
-
-def fitted(sequence: str, jitter: float) -> Record:
-    made = record(sequence, "tcfit", [1.0])
-    return replace(made, comparison=replace(made.comparison, figures={"jitter": jitter}))
-
-
-def test_figures_over_all_frames():
-    assert pooled(RECORDS[::2], "vertex_to_surface") == pytest.approx(11 / 3)
-    assert pooled(RECORDS[1::2], "vertex_to_surface", "std") == pytest.approx(1.5**0.5)
-    assert overall(RECORDS[::2], "vertex_to_surface_mean") == pytest.approx(11 / 3), "not 3, the mean of 5 and 1"
-    assert overall([fitted("a", 1.0), fitted("b", 3.0)], "jitter") == pytest.approx(2.0)
-    assert overall(RECORDS, "unknown") is None
 
 
 def outside_of_plotly(page: str) -> str:

@@ -16,7 +16,7 @@ from fitting_core.camera import Camera, World
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.motion import Motion
-from fitting_core.render.overlay import PANEL_COLORS, Shown, picture_of, pictures, write_overlay
+from fitting_core.render.overlay import PANEL_COLORS, Cell, Shown, picture_of, pictures, write_overlay, write_sheet
 from fitting_core.video.encoding import video_writer
 
 needs_gl = pytest.mark.usefixtures("off_screen_gl")
@@ -180,3 +180,13 @@ with video_writer(Path({str(path)!r}), (640, 480), 25) as video:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 1 and "File too large" in done.stderr
     assert path.read_bytes() == b"older" and list(tmp_path.iterdir()) == [path]
+
+
+def test_a_sheet_is_written_whole_or_not_at_all(tmp_path: Path):
+    cells = [Cell(picture=np.full((8, 8, 3), 7, np.uint8))]
+    write_sheet(tmp_path / "sheet.png", cells, 1)
+    assert (tmp_path / "sheet.png").read_bytes()[:4] == b"\x89PNG"
+    for path in (tmp_path / "missing" / "sheet.png", tmp_path / "sheet.nothing"):
+        with pytest.raises(InputError, match=r"sheet\.png"):
+            write_sheet(path, cells, 1)
+    assert [path.name for path in tmp_path.iterdir()] == ["sheet.png"]

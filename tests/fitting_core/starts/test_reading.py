@@ -194,16 +194,6 @@ def test_the_one_who_follows_the_keypoints_is_taken(free_body: BodyModel, tmp_pa
         read_start(path, clip_of(free_body, mine), free_body, person=4)
 
 
-def test_frames_that_the_start_lacks_are_not_there(free_body: BodyModel, tmp_path: Path):
-    """At the ends as in the middle; the file's numbers are those of the video."""
-    whole = truth(frames=12)
-    some = np.array([3, 4, 7, 8])
-    clip = clip_of(free_body, whole[slice(2, 10)], first_frame=2)
-    start = read_start(write_wham(tmp_path, whole[some.tolist()], some), clip, free_body)
-    assert (np.flatnonzero(start.there) + 2).tolist() == some.tolist()
-    assert torch.allclose(start.params.body_pose[torch.as_tensor(start.there)], whole.body_pose[some], atol=1e-5)
-
-
 def test_points_are_those_of_the_results_own_body(free_body: BodyModel, tmp_path: Path):
     """A body of longer limbs: its angles go to the fitted body, and its keypoints lie where its own limbs have them."""
     params = truth()

@@ -115,14 +115,6 @@ def test_pip_fails(source: Path, place: Path, behaviour: str, words: str):
     assert asked(source) == ["download"]
 
 
-def test_there_is_no_pip(source: Path, place: Path):
-    with pytest.raises(InputError, match=r"not in this environment .*ensurepip.*uv pip install pip.*tcfit models add"):
-        finished(fetch(place, using=Programs(pip=None, npm=None)))
-    with pytest.raises(InputError, match="/nowhere/pip: cannot be started"):
-        finished(fetch(place, using=Programs(pip=["/nowhere/pip"], npm=None)))
-    assert not place.exists()
-
-
 def test_a_network_with_another_checksum_is_refused(source: Path, place: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(NETWORKS, "pose_detection", replace(NETWORKS["pose_detection"], sha256="0" * 64))
     with pytest.raises(

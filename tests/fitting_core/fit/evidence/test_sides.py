@@ -17,7 +17,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
-from fitting_core.fit.evidence.sides import PAIRED, unswapped, unswapped_keypoint
+from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.io.truth import Truth, truth_of
 from fitting_core.keypoints import Keypoints
 from fitting_core.world_camera import in_camera
@@ -153,17 +153,6 @@ def test_swapped_limbs_are_swapped_back(name: str, parts: tuple[str, ...], frame
     assert swaps[name].tolist() == frames
     np.testing.assert_array_equal(corrected.xy, true.xy)
     np.testing.assert_array_equal(corrected.confidence, true.confidence)
-
-
-def test_what_was_said_of_depth_goes_with_the_keypoint():
-    depth = np.full(standing().confidence.shape, np.nan)
-    depth[6, kp.INDEX["left_wrist"]], depth[2, kp.INDEX["left_wrist"]] = 0.2, 0.3
-    corrected, swaps = unswapped(replace(swapped(standing(), ARMS, [5, 6, 7]), depth=depth))
-    found = corrected.told_depth
-    assert found[6, kp.INDEX["right_wrist"]] == 0.2 and found[2, kp.INDEX["left_wrist"]] == 0.3
-    assert np.isfinite(found).sum() == 2 and unswapped(standing())[0].depth is None
-    assert unswapped_keypoint(kp.INDEX["left_wrist"], swaps) == kp.INDEX["right_wrist"]
-    assert unswapped_keypoint(kp.INDEX["left_ankle"], swaps) == kp.INDEX["left_ankle"]
 
 
 def test_hands_go_with_their_arms():

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from fitting_core.camera import Camera, is_possible, path_of
 from fitting_core.clips.options import CameraOptions, ClipOptions
@@ -88,25 +87,6 @@ def test_frames_are_found_by_their_images_names(tmp_path: Path, names, frames, e
     path = files.transforms(tmp_path / "t.json", turns, way, names=names)
     camera, _ = read(path, frames)
     np.testing.assert_allclose(in_world(camera)[1], WAY[list(expected)], atol=1e-9)
-
-
-def test_short_gaps_are_filled_between_their_neighbours(tmp_path: Path):
-    kept = np.array([0, 2, 5, 6])
-    path = files.moving_npz(tmp_path / "c.npz", TURNS[kept], WAY[kept], frames=kept)
-    camera, notes = read(path, clip(7))
-    turns, places = in_world(camera)
-    np.testing.assert_allclose(places[kept], WAY[kept], atol=1e-9)
-    np.testing.assert_allclose(places[1], (WAY[0] + WAY[2]) / 2, atol=1e-9)
-    np.testing.assert_allclose(places[4], (WAY[2] + 2 * WAY[5]) / 3, atol=1e-9)
-    half = Rotation.from_matrix(turns[0] @ turns[1].T).magnitude()
-    assert half == pytest.approx(Rotation.from_matrix(turns[1] @ turns[2].T).magnitude())
-    assert any("those of 3 frames are interpolated" in note for note in notes)
-
-
-def test_a_named_image_is_a_camera_that_stands(tmp_path: Path):
-    camera, _ = read(files.moving_colmap(tmp_path / "model"), clip(), name="frame_0003.png")
-    assert camera.path is None and camera.world is not None
-    np.testing.assert_allclose(camera.world.place, WAY[2], atol=1e-9)
 
 
 def test_intrinsics_of_a_transforms_file(tmp_path: Path):

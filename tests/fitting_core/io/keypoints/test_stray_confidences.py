@@ -69,7 +69,3 @@ def test_the_edge_of_what_is_taken(written: Callable[..., Path]):
     assert not read_detections(written(-0.00099, 0.5)).frames[0][0, NOSE].any()
     with pytest.raises(InputError, match=r"nose.*found confidence -0\.0011; expected 0 \(not detected\) to 1"):
         read_detections(written(-0.0011, 0.5))
-
-
-def test_nothing_is_noted_without_need(written: Callable[..., Path]):
-    assert not [note for note in read_detections(written(0.0, 1.0)).notes if "outside" in note]

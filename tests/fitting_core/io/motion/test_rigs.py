@@ -145,13 +145,6 @@ def test_axes_run_along_the_bones(at_rest: dict[str, np.ndarray], bone: str, axi
     assert along @ direction(at_rest, bone, towards) > 0.999
 
 
-@pytest.mark.parametrize("name", ["clavicle", "lowerarm", "hand", "index_02", "thigh", "calf", "foot", "ball"])
-def test_the_mannequin_s_right_side_is_mirrored_and_negated(free_body: BodyModel, name: str):
-    target = on_standard(neutral(free_body), UNREAL).target
-    left, right = (target.turns[target.names.index(f"{name}_{side}")] for side in "lr")
-    assert np.allclose(right, -np.diag([-1.0, 1.0, 1.0]) @ left, atol=0.02)
-
-
 def standing_as(body: BodyModel, standard: Standard, **turned: np.ndarray) -> Motion:
     """A body in the pose that a rig has at rest; with joints turned on, by rotations in the rig's world."""
     still = neutral(body)
