@@ -169,7 +169,6 @@ export interface Marks {
   bad: [number, number][];
   flagged: [number, number][];
   checked: [number, number][];
-  apart: [number, number][];
   notes: WrittenNote[];
 }
 

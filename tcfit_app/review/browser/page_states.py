@@ -313,8 +313,6 @@ class Marks(_State, frozen=True, kw_only=True):
     bad: tuple[Span, ...] = ()
     flagged: tuple[Span, ...] = ()
     checked: tuple[Span, ...] = ()
-    apart: tuple[Span, ...] = ()
-    """Where A and B differ most."""
     notes: tuple[WrittenNote, ...] = ()
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from fitting_core.io.people_file import Span
 from fitting_core.results.provenance import Provenance
 from tcfit_app.analysis.body_regions import full_name
-from tcfit_app.analysis.curves import peaks
 from tcfit_app.analysis.suspicion import Suspect
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.project.edits.edit_log import Note
@@ -57,11 +56,11 @@ class Timeline:
         tab.channel.send("timeline", strip)
 
     def _draw_marks(self) -> None:
-        apart, project = self._apart(), self._tab.session.project
-        key = project.keypoints_version, project.marks_version, apart
-        self._tab.channel.send("marks", self._tab.once("marks", key, lambda: self._marks(apart)))
+        project = self._tab.session.project
+        key = project.keypoints_version, project.marks_version
+        self._tab.channel.send("marks", self._tab.once("marks", key, self._marks))
 
-    def _marks(self, apart: tuple[int, ...]) -> states.Marks:
+    def _marks(self) -> states.Marks:
         project, marks = self._tab.session.project, self._tab.session.project.marks.states()
         by_state = {state: [f for f, mark in marks.items() if mark == state] for state in ("flag", "checked")}
         return states.Marks(
@@ -69,18 +68,8 @@ class Timeline:
             bad=spans(project.marked("bad")),
             flagged=spans(by_state["flag"]),
             checked=spans(by_state["checked"]),
-            apart=spans(sorted(apart)),
             notes=tuple(map(written, project.notes)),
         )
-
-    def _apart(self) -> tuple[int, ...]:
-        """The frames where two finished fits differ most, once known."""
-        tab = self._tab
-        a, b = tab.shown.a, tab.shown.b
-        if a is None or b is None or a.result is None or b.result is None or a == b:
-            return ()
-        found = tab.data.between(a, b)
-        return () if found is None else tuple(peaks(found.values))
 
     def _draw_keyframes(self) -> None:
         key = self._tab.session.project.keypoints_version, self._tab.state.selection

@@ -32,7 +32,6 @@ GESTURES = {
         ("Drag a keyframe", "Move it to another frame"),
         ("Wheel", "Zoom; with Shift, or sideways, scroll"),
         ("Drag the bar at the bottom", "Scroll; its ends zoom"),
-        ("Drag the upper border", "Make it higher; so do ↑ ↓ once Tab has reached it"),
     ),
 }
 """Pointer gestures by place (`browser/web/`): the gesture, and its effect."""

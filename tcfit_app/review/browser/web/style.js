@@ -99,7 +99,6 @@ export const STYLE_SHEET = `
   touch-action: none; }
 .tcfit-strip-border:hover, .tcfit-strip-border:active { background: linear-gradient(transparent 3px,
   ${COLORS.accent} 3px 5px, transparent 5px); }
-.tcfit-strip-overview { position: absolute; bottom: 0; pointer-events: none; }
 .tcfit-strip-head { position: absolute; left: 0; right: 0; top: 0; display: flex; align-items: center;
   gap: 4px; padding: 2px 6px 0; }
 .tcfit-strip-head > button:first-child { border-color: var(--tcfit-edge); background: var(--tcfit-sunk); }
@@ -110,11 +109,7 @@ export const STYLE_SHEET = `
 .tcfit-strip-fits b { flex: none; margin-right: 6px; font-weight: 600; }
 .tcfit-strip-fits span > span { overflow: hidden; text-overflow: ellipsis; }
 .tcfit-strip-fits em { flex: none; white-space: pre; font-style: normal; }
-.tcfit-strip-frames { flex: none; display: flex; align-items: center; gap: 5px; color: var(--tcfit-dim); }
-.tcfit-strip-frames input { width: 48px; height: 20px; padding: 0 4px; border: 1px solid var(--tcfit-edge); border-radius: 4px;
-  background: var(--tcfit-field); color: var(--tcfit-text); font: 13px/1 ${FONT}; font-variant-numeric: tabular-nums;
-  text-align: right; user-select: text; -webkit-user-select: text; }
-.tcfit-strip-frames.tcfit-some input { border-color: ${COLORS.accent}; background: var(--tcfit-here); color: var(--tcfit-strong); }
+.tcfit-strip-frames { flex: none; display: flex; align-items: center; gap: 2px; color: var(--tcfit-strong); }
 .tcfit-strip-title { position: absolute; left: 0; display: flex; align-items: flex-start; gap: 2px;
   padding: 3px 0 0 8px; overflow: hidden; line-height: 14px; pointer-events: none; }
 .tcfit-strip-title > span { flex: 1 1 auto; min-width: 0; max-height: 100%; overflow: hidden; overflow-wrap: anywhere; }
@@ -150,7 +145,7 @@ export const STYLE_SHEET = `
 .tcfit-hints button { height: 28px; padding: 0 14px; border: 1px solid #3b8ad0; border-radius: 4px; background: #1c6fb5;
   color: #fff; font: 600 13px/1 ${FONT}; cursor: pointer; }
 .tcfit-hints button:focus-visible { outline: 2px solid #fff; outline-offset: 1px; }
-[hidden].tcfit-hints, [hidden].tcfit-person, [hidden].tcfit-tooltip, [hidden].tcfit-divider, [hidden].tcfit-card, [hidden].tcfit-legend, [hidden].tcfit-strip { display: none; }
+[hidden].tcfit-hints, [hidden].tcfit-person, [hidden].tcfit-tooltip, [hidden].tcfit-divider, [hidden].tcfit-card, [hidden].tcfit-legend, [hidden].tcfit-strip, [hidden].tcfit-strip-frames { display: none; }
 `;
 
 export const PANEL_SHEET = `

@@ -27,14 +27,12 @@ function drawBack() {
   if (!states.timeline || strip.hidden) return;
   const context = cleared(stripCanvas);
   drawRuler(context);
-  if (!pointed.collapsed) {
-    drawFit(context);
-    drawRows(context);
-    drawLanes(context);
-    clipToPlot(context, whole(), () => drawMarks(context));
-    drawLaneNames(context);
-    drawOverview(context);
-  }
+  drawFit(context);
+  drawRows(context);
+  drawLanes(context);
+  clipToPlot(context, whole(), () => drawMarks(context));
+  drawLaneNames(context);
+  drawOverview(context);
   invalidate("cursor");
 }
 
@@ -60,7 +58,7 @@ function drawRuler(context) {
   const step = Math.max(niceStep(shownCount(), plotWidth() / TICKS), 1);
   const offset = known("timeline").first_frame;
   const start = Math.ceil((axis.first + offset) / step) * step - offset;
-  const bottom = pointed.collapsed ? ruler.bottom : overview().top;
+  const bottom = overview().top;
   const right = GUTTER + plotWidth();
   ticks = [];
   for (let frame = Math.max(start, 0); frame < axis.last; frame += step) {
@@ -91,10 +89,10 @@ function drawFit(context) {
 
 /** @param {Context} context */
 function drawRange(context) {
-  if (!pointed.collapsed) markOverview(context);
+  markOverview(context);
   const range = chosenRange();
   if (!range) return;
-  const band = { top: ruler.top, bottom: pointed.collapsed ? ruler.bottom : overview().top };
+  const band = { top: ruler.top, bottom: overview().top };
   clipToPlot(context, band, () => {
     const [left, right] = [edgeX(range.first), edgeX(range.last + 1)];
     fillBox(context, "rgba(40, 140, 220, 0.14)", left, band.top, right - left, band.bottom - band.top);
@@ -115,7 +113,7 @@ function cursorLabel(context) {
 
 /** @param {Context} context @param {NonNullable<ReturnType<typeof cursorLabel>>} label */
 function drawCursor(context, { x, number, width, left }) {
-  const bottom = pointed.collapsed ? ruler.bottom : overview().top;
+  const bottom = overview().top;
   fillBox(context, tones.cursor, x - 0.75, ruler.top, 1.5, bottom - ruler.top);
   context.beginPath();
   context.roundRect(left, ruler.top + 1.5, width, ruler.bottom - ruler.top - 3, 4);

@@ -1,5 +1,4 @@
-// The strip's own elements: its head with the fits' names and the selected frames, the rows' titles, and the border
-// that sets its height.
+// The strip's own elements: its head with the fits' names and the selected frames, and the rows' titles.
 
 /** @import { MenuItem } from "../menu.js" */
 
@@ -8,27 +7,20 @@ import { element, setStripHeight, strip } from "../elements.js";
 import { onGround } from "../theme.js";
 import { openMenuAt } from "../menu.js";
 import { GUTTER, clipLength, frameNumber } from "./axis.js";
-import { HEAD, heightLimits, rowBand, stripHeight, wantHeight } from "./layout.js";
-import { bar } from "./overview.js";
-import { chosenRange, pointed, setCollapsed } from "./pointed.js";
+import { HEAD, rowBand, stripHeight } from "./layout.js";
+import { chosenRange, pointed } from "./pointed.js";
 
 const NUMBERS = 46; // CSS pixels beside a title for the numbers of the axis
-const STEP = 20; // CSS pixels by which a key moves the border
 
 const head = element("div", "tcfit-strip-head", strip);
 head.style.height = `${HEAD}px`;
-const border = element("div", "tcfit-strip-border", strip);
 const titles = element("div", "", strip);
 const chooser = button("Curves ▾", "Choose the curves", openChooser);
 const legend = element("div", "tcfit-strip-fits", head);
 const frames = element("div", "tcfit-strip-frames", head);
-element("span", "", frames, "Frames");
-const first = frameField("First selected frame", "[");
-element("span", "", frames, "to");
-const last = frameField("Last selected frame", "]");
-const clear = button("×", "Clear frame selection", clearRange, frames);
+const chosen = element("span", "", frames);
+button("×", "Clear frame selection", clearRange, frames);
 export const more = button("⋯", "What to do with frames", null);
-const toggle = button("▾", "Hide curves and marks", toggleCollapsed);
 chooser.setAttribute("aria-haspopup", "menu");
 more.setAttribute("aria-haspopup", "menu");
 
@@ -67,7 +59,6 @@ function choices() {
 function drawTitles() {
   const rows = states.rows?.rows ?? [];
   titles.replaceChildren();
-  titles.hidden = pointed.collapsed;
   for (const { name, title, unit } of rows) {
     const box = element("div", "tcfit-strip-title", titles);
     element("span", "", box, unit ? `${title} (${unit})` : title).title = title;
@@ -98,41 +89,6 @@ function drawLegend() {
 
 // --- the selected frames ---
 
-/** @param {string} title @param {string} key that takes the frame on show */
-function frameField(title, key) {
-  const field = element("input", "", frames);
-  field.inputMode = "numeric";
-  field.title = `${title} (${key} takes the frame on show)`;
-  field.setAttribute("aria-label", title);
-  field.addEventListener("change", takeFrames);
-  field.addEventListener("blur", showChosen);
-  field.addEventListener("keydown", (event) => {
-    if (event.key !== "Escape" && event.key !== "Enter") return;
-    if (event.key === "Escape") field.value = field.defaultValue; // so that nothing is taken
-    field.blur();
-  });
-  return field;
-}
-
-/** Selects what both fields say; an empty one says the same as the other. What is no number goes. */
-function takeFrames() {
-  const texts = [first, last].map(({ value }) => value.trim());
-  const given = texts.filter(Boolean);
-  if (!given.length) return clearRange();
-  if (!given.every((text) => /^\d{1,9}$/.test(text))) return;
-  const [from, to] = [texts[0] || texts[1], texts[1] || texts[0]].map(Number);
-  const offset = known("timeline").first_frame;
-  const ends = [from, to].map((number) => Math.min(Math.max(number - offset, 0), clipLength() - 1));
-  selectFrames(Math.min(...ends), Math.max(...ends));
-}
-
-/** @param {number} from @param {number} to */
-function selectFrames(from, to) {
-  pointed.range = { first: from, last: to };
-  emitLast({ type: "range", ...pointed.range });
-  letGo();
-}
-
 export function clearRange() {
   pointed.range = null;
   emitLast({ type: "range", first: null, last: null });
@@ -150,75 +106,25 @@ export function letGo() {
   showChosen();
 }
 
-/** Shows the selected frames in the fields, but not in one that is being typed in. */
+/** Names the selected frames in the head. */
 export function showChosen() {
   const range = states.timeline ? chosenRange() : null; // it may come before the clip's own numbers
-  for (const [field, frame] of /** @type {const} */ ([[first, range?.first], [last, range?.last]])) {
-    field.defaultValue = frame === undefined ? "" : frameNumber(frame);
-    if (document.activeElement !== field) field.value = field.defaultValue;
+  frames.hidden = !range;
+  if (range) {
+    const [first, last] = [range.first, range.last].map(frameNumber);
+    chosen.textContent = first === last ? `Frame ${first}` : `Frames ${first}–${last}`;
   }
-  clear.disabled = !range;
   invalidate("cursor");
-  frames.classList.toggle("tcfit-some", Boolean(range));
 }
 
 // --- its height ---
 
-function toggleCollapsed() {
-  setCollapsed(!pointed.collapsed);
-  layOut();
-}
-
 function layOut() {
-  const { collapsed } = pointed;
-  const height = clipLength() || states.strip ? stripHeight() : 0;
-  setStripHeight(height, clipLength() > 0);
-  toggle.textContent = collapsed ? "▴" : "▾";
-  toggle.title = collapsed ? "Show curves and marks" : "Hide curves and marks";
-  toggle.setAttribute("aria-label", toggle.title);
-  toggle.setAttribute("aria-expanded", String(!collapsed));
-  border.hidden = collapsed;
-  titles.hidden = bar.hidden = collapsed;
-  const { least, most } = heightLimits();
-  for (const [name, value] of Object.entries({ valuemin: least, valuemax: most, valuenow: height }))
-    border.setAttribute(`aria-${name}`, String(Math.round(value)));
+  setStripHeight(clipLength() || states.strip ? stripHeight() : 0, clipLength() > 0);
   placeTitles();
   invalidate("timeline");
 }
 
-border.tabIndex = 0;
-border.title = "Drag to make the timeline higher or lower; double click for its usual height";
-border.setAttribute("role", "separator");
-border.setAttribute("aria-orientation", "horizontal");
-border.setAttribute("aria-label", "Height of the timeline");
-
-/** @param {number} height */
-function setHeight(height) {
-  wantHeight(height);
-  layOut();
-}
-
-/** @type {{ pointer: number, y: number, height: number } | null} */
-let pulled = null;
-
-border.addEventListener("pointerdown", (event) => {
-  if (event.button !== 0) return;
-  border.setPointerCapture(event.pointerId);
-  pulled = { pointer: event.pointerId, y: event.clientY, height: strip.clientHeight };
-});
-border.addEventListener("pointermove", ({ pointerId, clientY }) => {
-  if (pointerId === pulled?.pointer) setHeight(pulled.height + pulled.y - clientY);
-});
-for (const type of /** @type {const} */ (["pointerup", "pointercancel", "lostpointercapture"]))
-  border.addEventListener(type, () => (pulled = null));
-border.addEventListener("dblclick", () => setHeight(0));
-border.addEventListener("keydown", ({ key }) => {
-  const { least, most } = heightLimits();
-  const heights = /** @type {{ [key: string]: number }} */ (
-    { ArrowUp: strip.clientHeight + STEP, ArrowDown: strip.clientHeight - STEP, Home: least, End: most }
-  );
-  if (heights[key] !== undefined) setHeight(heights[key]);
-});
 window.addEventListener("resize", () => states.timeline && layOut());
 
 watch("timeline", () => {

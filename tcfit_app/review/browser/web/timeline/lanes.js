@@ -6,7 +6,6 @@ import { invalidate, known, states, watch } from "../connection.js";
 import { tones } from "../theme.js";
 import { GUTTER, edgeX, frameAt, frameX, plotWidth } from "./axis.js";
 import { LANES, laneBand, within } from "./layout.js";
-import { pointed } from "./pointed.js";
 import { NAMES, fillBox, fillFrames, write } from "./paint.js";
 
 /**
@@ -56,7 +55,6 @@ const READ = {
   ],
   Notes: () =>
     (states.marks?.notes ?? []).map(({ first, last, text }) => ({ first, last, color: tones.note, text: `note: ${text}` })),
-  "A–B peaks": () => marked(states.marks?.apart, tones.apart, "A and B differ most"),
 };
 
 /** @param {number} score */
@@ -129,7 +127,6 @@ export const marksOf = (frame) =>
 /** The mark at a place of the strip, and the frame to which it leads; null without one.
  * @param {number} x @param {number} y @returns {{ mark: Mark, frame: number } | null} */
 export function markAt(x, y) {
-  if (pointed.collapsed) return null;
   const lane = LANES.findIndex((_, index) => within(laneBand(index), y));
   /** @param {Mark} mark */
   const distance = ({ first, last }) => Math.max(edgeX(first) - x, x - edgeX(last + 1), 0);

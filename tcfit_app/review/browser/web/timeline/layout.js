@@ -2,22 +2,20 @@
 
 import { states } from "../connection.js";
 import { strip } from "../elements.js";
-import { pointed } from "./pointed.js";
 
 export const HEAD = 27;
 const RULER = 19;
 const FIT = 5; // the running fit, below the ruler
 const LANE = 15;
-export const OVERVIEW = 13;
+const OVERVIEW = 13;
 const GAP = 3;
 const LEAST_ROW = 34;
 const LEAST_PICTURE = 150; // what stays above the strip
 const USUAL = { share: 0.3, least: 210, most: 340 }; // of the window's height, in CSS pixels
-const HEIGHT = "tcfit-timeline-height"; // in the session's storage
 
 /** @typedef {{ top: number, bottom: number }} Band in CSS pixels of the strip */
 
-export const LANES = /** @type {const} */ (["Edits", "Keyframes", "Suspicious", "Flags", "Notes", "A–B peaks"]);
+export const LANES = /** @type {const} */ (["Edits", "Keyframes", "Suspicious", "Flags", "Notes"]);
 
 export const ruler = { top: HEAD, bottom: HEAD + RULER };
 export const fitBand = { top: ruler.bottom, bottom: ruler.bottom + FIT };
@@ -28,7 +26,7 @@ const belowRows = () => GAP + LANES.length * LANE + OVERVIEW;
 
 /** @returns {Band} */
 export const overview = () =>
-  ({ top: strip.clientHeight - (pointed.collapsed ? 0 : OVERVIEW), bottom: strip.clientHeight });
+  ({ top: strip.clientHeight - OVERVIEW, bottom: strip.clientHeight });
 
 /** @param {number} index @returns {Band} */
 export function laneBand(index) {
@@ -49,28 +47,10 @@ export const within = ({ top, bottom }, y) => y >= top && y < bottom;
 
 // --- its height ---
 
-let wanted = Number(sessionStorage.getItem(HEIGHT)) || 0; // 0: as suits the window
-
-const usual = () => Math.min(Math.max(USUAL.share * window.innerHeight, USUAL.least), USUAL.most);
-/** With which every row can still be read. */
-const least = () => fitBand.bottom + belowRows() + rowCount() * LEAST_ROW;
-
-/** The least and the greatest height that it can have now. */
-export function heightLimits() {
-  const room = (strip.parentElement?.parentElement?.clientHeight ?? window.innerHeight) - LEAST_PICTURE;
-  return { least: Math.min(least(), room), most: Math.max(room, ruler.bottom) };
-}
-
-/** The height that it should have. */
+/** The height that it should have: as suits the window, with every row legible, and a picture above it. */
 export function stripHeight() {
-  if (pointed.collapsed) return ruler.bottom + 3;
-  const { least: low, most } = heightLimits();
-  return Math.round(Math.min(Math.max(wanted || usual(), low), most));
-}
-
-/** Sets the height, as far as it can be that; 0: as suits the window. @param {number} height */
-export function wantHeight(height) {
-  const { least: low, most } = heightLimits();
-  wanted = height && Math.round(Math.min(Math.max(height, low), most));
-  sessionStorage.setItem(HEIGHT, String(wanted));
+  const room = (strip.parentElement?.parentElement?.clientHeight ?? window.innerHeight) - LEAST_PICTURE;
+  const usual = Math.min(Math.max(USUAL.share * window.innerHeight, USUAL.least), USUAL.most);
+  const least = fitBand.bottom + belowRows() + rowCount() * LEAST_ROW;
+  return Math.round(Math.min(Math.max(usual, least), Math.max(room, ruler.bottom)));
 }

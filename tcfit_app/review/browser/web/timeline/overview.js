@@ -1,20 +1,15 @@
-// The bar of the whole clip below the lanes: what it looks like, where it is grabbed, and what its keys do.
+// The bar of the whole clip below the lanes: what it looks like, and where it is grabbed.
 
 /** @import { Context } from "./paint.js" */
 
 import { invalidate, states } from "../connection.js";
-import { element, strip } from "../elements.js";
 import { tones } from "../theme.js";
-import {
-  GUTTER, MARGIN, axis, clipLength, frameNumber, onAxisChange, plotWidth, showFrames, shownCount, zoomAxis,
-} from "./axis.js";
-import { OVERVIEW, overview } from "./layout.js";
+import { GUTTER, axis, clipLength, onAxisChange, plotWidth, showFrames, shownCount } from "./axis.js";
+import { overview } from "./layout.js";
 import { fillBox } from "./paint.js";
 import { chosenRange, cursorFrame } from "./pointed.js";
 
 const GRAB = 6; // CSS pixels around an end of the window where it is grabbed
-const STEP = 0.1; // of what is shown, for each press of an arrow key
-const ZOOM = 1.25;
 
 /** An edge of a frame, in the overview. @param {number} edge */
 const overviewX = (edge) => GUTTER + (edge / clipLength()) * plotWidth();
@@ -61,38 +56,4 @@ export function markOverview(context) {
   if (frame !== null) fillBox(context, tones.cursor, overviewX(frame + 0.5) - 0.75, top + 1, 1.5, bottom - top - 2);
 }
 
-// --- by keyboard ---
-
-/** Over the bar, for those who come with the Tab key; the pointer goes through it to the canvas. */
-export const bar = element("div", "tcfit-strip-overview", strip);
-Object.assign(bar.style, { left: `${GUTTER}px`, right: `${MARGIN}px`, height: `${OVERVIEW}px` });
-bar.tabIndex = 0;
-bar.setAttribute("role", "slider");
-bar.setAttribute("aria-label", "Frames shown in the timeline: arrows left and right scroll, up and down zoom");
-
-/** @type {{ [key: string]: () => void }} */
-const KEYS = {
-  ArrowLeft: () => showFrames(axis.first - STEP * shownCount(), shownCount()),
-  ArrowRight: () => showFrames(axis.first + STEP * shownCount(), shownCount()),
-  ArrowUp: () => zoomAxis(1 / ZOOM, GUTTER + plotWidth() / 2),
-  ArrowDown: () => zoomAxis(ZOOM, GUTTER + plotWidth() / 2),
-  PageUp: () => showFrames(axis.first - shownCount(), shownCount()),
-  PageDown: () => showFrames(axis.first + shownCount(), shownCount()),
-  Home: () => showFrames(0, shownCount()),
-  End: () => showFrames(clipLength(), shownCount()),
-};
-
-bar.addEventListener("keydown", (event) => {
-  if (!KEYS[event.key]) return;
-  event.preventDefault();
-  KEYS[event.key]();
-});
-
-onAxisChange(() => {
-  if (!states.timeline) return;
-  const [first, last] = [Math.ceil(axis.first), Math.floor(axis.last) - 1];
-  const numbers = { valuemin: 0, valuemax: clipLength() - 1, valuenow: first };
-  for (const [name, value] of Object.entries(numbers)) bar.setAttribute(`aria-${name}`, String(value));
-  bar.setAttribute("aria-valuetext", `frames ${frameNumber(first)} to ${frameNumber(last)}`);
-  invalidate("timeline");
-});
+onAxisChange(() => states.timeline && invalidate("timeline"));

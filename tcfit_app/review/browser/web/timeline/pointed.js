@@ -4,10 +4,7 @@
 
 import { states } from "../connection.js";
 
-const COLLAPSED = "tcfit-collapsed"; // in the session's storage
-
 export const pointed = {
-  collapsed: sessionStorage.getItem(COLLAPSED) === "yes",
   /** @type {number | null} */
   cursor: null, // the frame that is being pointed at
   /** @type {ChosenRange | null | undefined} */
@@ -20,12 +17,6 @@ export const pointed = {
   /** @type {{ x: number, y: number } | null} */
   clicked: null, // where, as long as the pointer stays there: what it points at is known, and need not be shown
 };
-
-/** @param {boolean} collapsed */
-export function setCollapsed(collapsed) {
-  pointed.collapsed = collapsed;
-  sessionStorage.setItem(COLLAPSED, collapsed ? "yes" : "no");
-}
 
 export const cursorFrame = () => pointed.cursor ?? states.cursor?.frame ?? null;
 export const chosenRange = () => (pointed.range === undefined ? states.range : pointed.range) ?? null;
