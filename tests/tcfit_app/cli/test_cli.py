@@ -81,12 +81,6 @@ def test_a_device_that_lacks_the_precision_is_refused(given: list[str]):
     assert _config(*given, "--set", "precision=float32").device == "mps"
 
 
-def test_settings_by_their_own_options():
-    found = _config(*EVERY_OPTION[EVERY_OPTION.index("--temporal-weight") :])
-    assert (found.temporal.weight, found.temporal.window_size, found.shape_sample.size) == (300.0, 9, 10)
-    assert (found.device, found.height, found.hip_weight) == ("cuda", 182.5, 1.0)
-
-
 @pytest.mark.parametrize("used", REMOVED)
 def test_what_was_removed_names_its_replacement(used: str, capsys: pytest.CaptureFixture[str]):
     command, *option = used.split()
@@ -240,16 +234,6 @@ def test_a_fit_begins_with_another_result(
     assert "--start-person without --start" in capsys.readouterr().err
 
 
-def test_a_start_that_cannot_be_read_leaves_nothing(
-    fit_arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture
-):
-    (tmp_path / "gvhmr.pt").write_bytes(b"PK\x03\x04 and no more")
-    for name in ("gvhmr.pt", "none.pkl"):
-        assert main([*fit_arguments, "--start", str(tmp_path / name)]) == 2
-        error = capsys.readouterr().err
-        assert name in error and "Traceback" not in error and not (tmp_path / "out").exists()
-
-
 RULES = {
     "estimated": ([], "estimated from the clip, with 80 % confidence"),
     "as published": (["--preset", "paper"], "not known: assumed to be the image diagonal"),
@@ -280,12 +264,6 @@ def test_other_files_are_not_written_among(fit_arguments: list[str], tmp_path: P
     assert main([*quick, "--overwrite"]) == 0
     assert (out / "thesis.tex").read_text() == "mine" and read_fit(out).last_phase == 1
     assert main(quick) == 0, "a former result is replaced"
-
-
-def test_out_that_is_a_file(fit_arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture):
-    (tmp_path / "out").write_text("mine")
-    assert main([*fit_arguments, "--overwrite"]) == 2
-    assert "is a file; expected a folder" in capsys.readouterr().err
 
 
 @pytest.fixture
@@ -330,15 +308,6 @@ def test_ctrl_c_keeps_finished_phases(
     assert (stored.params.betas == stored.params.betas[0]).all().item() == (phase == 2)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["complete"] is False and f"phase{phase}" in summary["seconds"]
-
-
-def test_failure_in_a_later_phase_keeps_the_earlier_ones(
-    finished: FinishedRun, fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    monkeypatch.setattr("fitting_core.fit.fitting.fit_events", _stopping(finished, 2, ZeroDivisionError))
-    with pytest.raises(ZeroDivisionError):
-        main(fit_arguments)
-    assert read_fit(tmp_path / "out").last_phase == 2
 
 
 @pytest.mark.usefixtures("replayed")

@@ -17,7 +17,6 @@ from fitting_core.clips.reading import read_clip
 from fitting_core.detect import known_models
 from fitting_core.detect.detectors import DETECTORS
 from fitting_core.keypoints import INDEX
-from fitting_core.video.frames import FrameSource
 from tcfit_app.cli.main import main
 from tests.drivers.processes import INTERRUPTIBLE
 from tests.fitting_core.detect.onnx_files import brightest_model, constant_model, spots
@@ -89,18 +88,6 @@ def test_a_part_of_the_clip_lies_where_it_was_seen(video: Path, model: Path, tmp
     assert names(out)[0] == "walk_000000000020_keypoints.json" and len(names(out)) == 10
     clip = read_clip(video, out, clip=ClipOptions(first_frame=20, last_frame=29))
     assert abs(clip.keypoints.xy[3, INDEX["nose"], 0] - place(23)[0]) < 1.5
-
-
-def test_a_folder_of_images(video: Path, model: Path, tmp_path: Path):
-    images = tmp_path / "images"
-    images.mkdir()
-    with FrameSource(video) as source:
-        for t in range(6):
-            cv2.imwrite(str(images / f"{t + 5}.png"), source.frame(t)[..., ::-1])
-    out = str(tmp_path / "kp")
-    assert main(["detect", str(images), "--detector", str(model), "--out", out, "--threads", "1"]) == 0
-    clip = read_clip(images, tmp_path / "kp")
-    assert np.abs(clip.keypoints.xy[:, INDEX["nose"], 0] - [place(t)[0] for t in range(6)]).max() < 1.5
 
 
 KEPT = 4 + 8 + 16

@@ -223,14 +223,6 @@ def test_pictures_of_a_project_and_of_a_result(project: Path, free_body: BodyMod
     assert int(cv2.VideoCapture(str(tmp_path / "c" / name)).get(cv2.CAP_PROP_FRAME_COUNT)) == 2
 
 
-def test_the_project_as_one_file_and_back(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.chdir(tmp_path)
-    exported(project, tmp_path, "--formats", "project")
-    assert main(["new", "walk.tcfit.zip"]) == 0
-    with Project.open(tmp_path / "walk.tcfit") as found:
-        assert [run.name for run in found.runs.all()] == ["near", "far"]
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -328,11 +320,6 @@ def test_all_formats_are_listed(capsys):
     assert all(f"{name} " in out and export.hint in out for name, export in EXPORTS.items())
 
 
-def test_names_of_clips_lead_nowhere_else():
-    assert file_name(EXPORTS["glb"], "../a:b", zipped=False) == ".._a_b.glb"
-    assert file_name(EXPORTS["obj"], "a", zipped=True) == "a-obj.zip"
-
-
 def test_names_of_clips_are_as_long_as_file_systems_take(tmp_path: Path):
     clip = replace(sample_clip(), name="走" * 80)
     Project.create(tmp_path / "walk.tcfit", clip).close()
@@ -381,12 +368,3 @@ def test_a_folder_is_there_whatever_stops_its_replacement(
         (draft / "000.obj").write_text("new")
     assert [path.name for path in tmp_path.iterdir()] == ["walk-obj"]
     assert (out / "000.obj").read_text() == "old"
-
-
-def test_joint_angles_of_chosen_frames(project: Path, tmp_path: Path):
-    names = exported(project, tmp_path, "--formats", "angles", "mot", "--frames", "8:9", "--axes", "z-up")
-    assert names == ["walk.angles.csv", "walk.mot"]
-    lines = (tmp_path / "walk.angles.csv").read_text().splitlines()
-    assert [line.split(",")[0] for line in lines if not line.startswith("#")] == ["frame", "8", "9"]
-    assert "y up" in next(line for line in lines if "The world y-up" in line), "whatever axes are asked for"
-    assert "nRows=2" in (tmp_path / "walk.mot").read_text().splitlines()

@@ -40,16 +40,6 @@ def test_the_project_keeps_the_height(clip_arguments: list[str], tmp_path: Path,
         assert project.height == 172
 
 
-def test_without_out_the_project_is_named_after_the_clip(
-    clip_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-):
-    monkeypatch.chdir(tmp_path)
-    assert main(["new", *clip_arguments]) == 0
-    assert [p.name for p in tmp_path.iterdir()] == ["wave.tcfit"]
-    assert main(["new", *clip_arguments]) == 2
-    assert "wave.tcfit: is already a project" in capsys.readouterr().err
-
-
 def test_images_are_linked_or_copied(keypoint_folder: Path, tmp_path: Path):
     images = tmp_path / "images"
     images.mkdir()

@@ -162,14 +162,6 @@ def test_nothing_of_others_is_mixed_with_it(
     assert (folder / other).read_text() == "mine" and (folder / "person-1" / "summary.json").is_file()
 
 
-def test_one_person_s_fit_does_not_go_among_several(
-    fitted: Path, clip: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
-    shutil.copytree(fitted, tmp_path / "out")
-    assert main(["fit", *clip, "--out", str(tmp_path / "out")]) == 2
-    assert "contains files that are not a result of tcfit" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("command", "options", "said"),
     [
@@ -244,12 +236,6 @@ def test_a_project_of_each_and_one_copy_of_the_images(two: Path, tmp_path: Path,
     assert len(list((tmp_path / "k").iterdir())) == 2
 
 
-def test_without_out_the_folder_has_the_clip_s_name(clip: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.chdir(tmp_path)
-    assert main(["new", *clip, "--people", "all"]) == 0
-    assert [path.name for path in tmp_path.iterdir()] == ["talk.tcfit"]
-
-
 def test_a_cancelled_fit_leaves_the_last_one_until_somebody_has_a_result(
     fitted: Path, clip: list[str], tmp_path: Path, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
 ):
@@ -289,31 +275,6 @@ def test_a_killed_fit_leaves_a_folder_of_several_people(
     (tmp_path / "out" / "person-2" / ".fit.npz.partial").mkdir()
     assert main(arguments) == 0
     assert not list(tmp_path.rglob("*.partial"))
-
-
-def test_what_was_fitted_before_a_cancel_is_listed(
-    two: Path,
-    clip: list[str],
-    tmp_path: Path,
-    free_body: BodyModel,
-    monkeypatch: pytest.MonkeyPatch,
-):
-    from tcfit_app.cli import fit_command
-
-    once = iter([True])
-    whole = fit_command.fit_into
-
-    def cancelled(*arguments, **options):
-        if not next(once, False):
-            raise KeyboardInterrupt
-        return whole(*arguments, **options)
-
-    monkeypatch.setattr(fit_command, "load_body", lambda path: free_body)
-    monkeypatch.setattr(fit_command, "fit_into", cancelled)
-    arguments = ["--people", "all", "--no-overlay", *QUICK, "--set", "last_phase=1"]
-    assert main(["fit", *clip, "--out", str(tmp_path / "out"), *arguments]) == 130
-    assert [one.folder for one in read_people_file(tmp_path / "out").people] == ["person-1"]
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["people.json", "person-1"]
 
 
 @pytest.mark.thorough

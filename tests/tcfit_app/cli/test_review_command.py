@@ -9,7 +9,7 @@ import pytest
 from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.detect.detectors import DETECTORS
 from tcfit_app.cli.ending import INPUT_ERROR
-from tcfit_app.cli.main import main, parse
+from tcfit_app.cli.main import main
 from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.session.session import Session
@@ -138,9 +138,3 @@ def test_what_is_wrong_is_said(clip_arguments: list[str], tmp_path: Path, capsys
     assert "mine.txt" in capsys.readouterr().err
     assert reviewed(folder, "--files", tmp_path / "nowhere") == 2
     assert "--files" in capsys.readouterr().err
-
-
-def test_the_folder_that_pages_may_name_files_of(clip_arguments: list[str], tmp_path: Path, served: list[Session]):
-    folder = tmp_path / "wave.tcfit"
-    assert reviewed(*clip_arguments, "--out", folder, "--files", tmp_path) == 0
-    assert parse(["demo", "--files", str(tmp_path)]).server.files == tmp_path

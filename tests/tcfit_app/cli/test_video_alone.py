@@ -1,6 +1,5 @@
 """`tcfit fit` and `tcfit new` of a video without keypoints: they are found, and it is said by what."""
 
-import json
 import sys
 from pathlib import Path
 
@@ -14,9 +13,8 @@ from fitting_core.detect.detectors import DETECTORS
 from fitting_core.io.result_files import read_fit
 from tcfit_app.cli.main import main, parse
 from tcfit_app.options.clip_input import clip_of
-from tcfit_app.project.people import opened_people
 from tcfit_app.project.project import Project
-from tests.samples.fake_detector import FakeDetector, known, one_person, standing
+from tests.samples.fake_detector import FakeDetector, known, one_person
 from tests.tcfit_app.conftest import FRAMES, FinishedRun
 
 FOUND = f"Keypoints: fake, in {FRAMES} of {FRAMES} frames"
@@ -65,64 +63,6 @@ def test_a_fit(
     assert main(fit_video) == 0
     assert "Detecting" not in (said := capsys.readouterr().err) and FOUND in said
     assert len(fake.asked) == FRAMES, "found before"
-
-
-def test_programs_are_told(
-    fit_video: list[str],
-    fake: FakeDetector,
-    finished: FinishedRun,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-):
-    monkeypatch.setattr("fitting_core.fit.fitting.fit_events", finished.replay)
-    assert main([*fit_video, "--json"]) == 0
-    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    of_step = [line for line in lines if line.get("step") == "keypoints"]
-    assert [line["event"] for line in of_step] == ["step", *["progress"] * (len(of_step) - 2), "step_done"]
-    assert of_step[-2]["share"] == 1
-    assert lines.index(of_step[-1]) < [line.get("step") for line in lines].index("phase 1")
-
-
-def test_everybody(fake: FakeDetector, fit_video: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Each in a project of their own."""
-    people = standing((200, 200), (450, 200), height=200)
-    monkeypatch.setitem(DETECTORS, "mediapipe", known(FakeDetector(lambda frame: people)))
-    given = ["--people", "all", "--frame-rate", "10", "--out", str(tmp_path / "all.tcfit")]
-    assert main(["new", fit_video[1], *given]) == 0
-    with opened_people(tmp_path / "all.tcfit", lambda one: Project.open(one), print) as opened:
-        assert [len(project.clip) for _, project in opened.projects] == [FRAMES, FRAMES]
-
-
-def test_ctrl_c_keeps_what_was_found(
-    fit_video: list[str], fake: FakeDetector, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
-    find = fake._people
-
-    def interrupted(frame: int) -> np.ndarray:
-        if frame == 5:
-            fake._people = find
-            raise KeyboardInterrupt
-        return find(frame)
-
-    fake._people = interrupted
-    command = ["new", fit_video[1], "--out", str(tmp_path / "a.tcfit")]
-    assert main(command) == 130
-    assert f"The keypoints of 4 of {FRAMES} frames are cached; the same command continues." in capsys.readouterr().err
-    assert main(command) == 0
-    assert f"Continuing after 4 of {FRAMES} frames" in capsys.readouterr().err
-    assert fake.asked == [0, 1, 2, 3, 4, 5, 4, 5]
-    with Project.open(tmp_path / "a.tcfit") as project:
-        assert project.has_detections and any("found by fake" in note for note in project.clip.notes)
-
-
-def test_a_folder_that_is_taken_is_told_at_once(
-    fit_video: list[str], fake: FakeDetector, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "thesis.tex").write_text("mine")
-    for command in (fit_video, ["new", fit_video[1], "--out", str(tmp_path / "out")]):
-        assert main(command) == 2
-    assert str(tmp_path / "out") in capsys.readouterr().err and not fake.asked
 
 
 def test_a_bar_on_a_terminal(

@@ -81,13 +81,6 @@ def test_what_goes_wrong_in_blender_is_told(
     assert not list(tmp_path.glob("*.fbx*")) and not list(tmp_path.glob(".*"))
 
 
-def test_a_program_that_cannot_be_started(blender: FAKE, source: ExportSource, tmp_path: Path):
-    (tmp_path / "bin" / "blender").write_bytes(b"\x7fELF")
-    (tmp_path / "bin" / "blender").chmod(0o755)
-    with pytest.raises(InputError, match="cannot be started"):
-        written(source, tmp_path)
-
-
 def test_a_cancelled_export_ends_blender(blender: FAKE, source: ExportSource, tmp_path: Path):
     blender(f"pathlib.Path({str(tmp_path)!r}, 'pid').write_text(str(os.getpid())); time.sleep(60)")
     pid = tmp_path / "pid"

@@ -61,14 +61,6 @@ def test_filtered_searched_and_sorted(tab: "Tab"):
     assert tab.locator("th[aria-sort=descending]").inner_text().startswith("Worst place")
 
 
-def test_below_the_column_names_it_says_that_nothing_matches(tab: "Tab"):
-    tab.get_by_placeholder("Search").fill("no such clip")
-    told = tab.get_by_text("No clip matches.")
-    told.wait_for()
-    place, head = told.bounding_box(), tab.locator("thead").bounding_box()
-    assert place and head and place["y"] >= head["y"] + head["height"]
-
-
 def test_by_keys_alone(tab: "Tab", lab: Served):
     folder = lab.home.catalogue.root / "set" / "b fitted.tcfit"
     tab.keyboard.press("ArrowDown")
@@ -201,23 +193,6 @@ def test_axe_finds_no_serious_fault(theme: str, tab: "Tab"):
     found = axe.Axe().run(tab).response["violations"]
     grave = [fault for fault in found if fault["impact"] in ("serious", "critical")]
     assert [f"{fault['id']}: {node['html'][:200]}" for fault in grave for node in fault["nodes"]] == []
-
-
-def test_keys_do_not_sort_the_clips_again(tab: "Tab"):
-    """Which takes most of a second with 10,000; the order is written whenever it is made."""
-    tab.evaluate("""() => {
-      const set = Storage.prototype.setItem;
-      window.sorted = 0;
-      Storage.prototype.setItem = function (name, value) {
-        if (this === localStorage && name === "tcfit-order") window.sorted += 1;
-        set.call(this, name, value);
-      };
-    }""")
-    for key in ("ArrowDown", "End", "Space", "Home", "Escape"):
-        tab.keyboard.press(key)
-    assert tab.evaluate("window.sorted") == 0
-    tab.get_by_role("button", name="Length").click()
-    until(lambda: tab.evaluate("window.sorted") == 1)
 
 
 def test_of_many_clips_only_those_in_sight_are_in_the_page(tab: "Tab"):
