@@ -21,9 +21,9 @@ from tcfit_app.project.project import Project
 _STATES = {
     "flag": ("flagged", "Needs attention"),
     "checked": ("looks fine", "A reviewer has looked at it"),
-    None: ("not reviewed", "Nobody has said anything"),
+    None: ("not reviewed", "Without a mark"),
 }
-"""The marks of frames in words, and what they mean."""
+"""Names and meanings of the marks of frames."""
 
 
 def write_elan(source: ExportSource, path: Path, progress: Progress) -> None:

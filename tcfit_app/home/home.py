@@ -31,9 +31,9 @@ from tcfit_app.home.messages import (
     Open,
     Opened,
     Picture,
+    Refusal,
     Row,
     Rows,
-    Told,
     ToPage,
     WriteNote,
     decode,
@@ -52,9 +52,9 @@ from tcfit_app.server.serving import ReviewServer
 SOCKET = "/list"
 """Where the page's websocket is."""
 EVERY = 3.0
-"""Seconds between two scans of the disk, while a browser shows the list."""
+"""Seconds between two scans of the disk while a browser shows the list."""
 _SHARE = 0.05
-"""Of the time that looks at the disk may take: a slow one is followed by a longer rest."""
+"""Fraction of the time spent on scans: a slow one is followed by a longer rest."""
 _GONE = "This clip is no longer there: it was moved or deleted."
 _log = logging.getLogger(__name__)
 
@@ -65,11 +65,11 @@ class _Watcher:
     loop: asyncio.AbstractEventLoop
     visitor: Visitor
     wanted: tuple[str, ...] = ()
-    """Whose pictures are in sight and not sent yet."""
+    """Visible clips whose pictures have not been sent yet."""
     dropped: Dropped = field(default_factory=Dropped)
 
     def send(self, message: ToPage) -> None:
-        """From any thread; a page that is gone misses nothing."""
+        """Send from any thread; a closed page is ignored."""
         text = encode(message)
 
         async def send() -> None:
@@ -84,7 +84,7 @@ class Home:
 
     Args:
         root: The folder.
-        files: The folder that alone pages may name files of; None: as of `PageFiles`.
+        files: Folder whose files pages may name; None: see `PageFiles`.
         models: Folder of body models.
     """
 
@@ -148,10 +148,10 @@ class Home:
         try:
             _RECEIVERS[type(asked)](self, watcher, asked)
         except InputError as error:
-            watcher.send(Told(text=str(error)))
+            watcher.send(Refusal(text=str(error)))
         except Exception as error:
             _log.exception("What a page asked for went wrong")
-            watcher.send(Told(text=unforeseen(error)))
+            watcher.send(Refusal(text=unforeseen(error)))
 
     def _look(self, watcher: _Watcher, asked: Look) -> None:
         idle, watcher.wanted = not watcher.wanted, asked.keys
@@ -206,7 +206,7 @@ class Home:
             except InputError as error:  # the others are done all the same
                 refused.append(str(error))
         if refused:
-            watcher.send(Told(text="\n".join(refused)))
+            watcher.send(Refusal(text="\n".join(refused)))
 
     def _ask_formats(self, watcher: _Watcher, asked: AskFormats) -> None:
         from tcfit_app.home.exporting import offered
@@ -234,7 +234,7 @@ class Home:
         self._say(asked.key, lambda review: review.set_note(asked.text))
 
     def _say(self, key: str, say: Callable[[ReviewOfClip], None]) -> None:
-        """Say something of a clip, which is on the disk when this returns."""
+        """Store a reviewer's statement about a clip; it is on the disk when this returns."""
         entry = self._entry(key)
         if entry.found.kind != "project":
             raise InputError(f"{entry.row.name}: is no project yet. Open or fit it first.")
@@ -263,13 +263,13 @@ class Home:
     def _place_of(self, key: str, job: Job) -> Path:
         folder = self._folder_of(key)
         if job.writes and not self.reviews.release(key):
-            raise InputError(f"{self.reviews.viewers(key) or 'Somebody'} has it open: fit it there.")
+            raise InputError(f"{self.reviews.viewers(key) or 'Another user'} has it open: fit it there.")
         return folder
 
     # --- news ---
 
     def look(self) -> None:
-        """Look at the disk, and tell all pages what has changed."""
+        """Scan the disk, and send all pages the changes."""
         self._tell(*self.catalogue.refresh())
 
     def _refresh(self, keys: Collection[str]) -> None:
@@ -284,7 +284,7 @@ class Home:
     # --- life ---
 
     def run(self, server: ReviewServer, then: Callable[[], None] = lambda: None) -> None:
-        """Serve until Ctrl-C; `then` is run by a thread of its own once the list is there."""
+        """Serve until Ctrl-C; `then` runs in its own thread once the list is ready."""
         self.reviews.serve(server.viser)
         self.look()
         threading.Thread(target=then, daemon=True).start()
@@ -308,7 +308,7 @@ class Home:
         self._wake.set()
 
     def close(self) -> None:
-        """End all work. What was done is on the disk."""
+        """End all work. Finished work is on the disk."""
         self._stop = True
         self._queue.close()
         self.reviews.close()

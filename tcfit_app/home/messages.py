@@ -1,4 +1,4 @@
-"""What the list's page is sent, and what it may send."""
+"""Messages between the list and its page."""
 
 import json
 from typing import Annotated, Literal
@@ -10,14 +10,14 @@ from tcfit_app.home.found import Kind
 from tcfit_app.project.storage.clip_review import NOTE_CHARACTERS, State
 
 Key = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{12}$")]
-"""Of a clip; unknown ones are refused."""
+"""A clip's key; unknown ones are refused."""
 Keys = Annotated[tuple[Key, ...], msgspec.Meta(max_length=20_000)]
 
 # --- to the page ---
 
 
 def unforeseen(error: BaseException) -> str:
-    """An error that no user can have caused, for users; log its traceback too."""
+    """An internal error in words for users; log its traceback too."""
     return f"{type(error).__name__}: {error}. tcfit's terminal has the details."
 
 
@@ -35,23 +35,23 @@ class Row(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """0: unknown."""
     seconds: float = 0.0
     score: float | None = None
-    """Of the worst place of the last fit, from 1 on; 0: nothing is suspicious; None: it was not looked for."""
+    """Of the worst place of the last fit, 1 or more; 0: nothing is suspicious; None: not computed."""
     left: int = 0
     """Suspicious places."""
     words: str = ""
     """About the worst of them."""
     frame: int | None = None
-    """Of the worst of them, as users see it."""
+    """The worst one's, in numbers of the video."""
     off: dict[str, float] = {}
-    """How far body, hands and face are off: 95 % of the keypoints are less so, pixels."""
+    """Reprojection error of body, hands and face: 95th percentile, pixels."""
     reviewer: str = ""
     altered: bool = False
     """Approved, and changed since."""
     note: str = ""
     notes: int = 0
-    """On frames."""
+    """Number of notes on frames."""
     busy: str = ""
-    """Who has it open now."""
+    """Its current users."""
     work: Work | None = None
     problem: str = ""
     """Why it cannot be read."""
@@ -79,7 +79,7 @@ class Opened(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="o
     key: str
 
 
-class Told(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="told"):
+class Refusal(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="refusal"):
     """An error message."""
 
     text: str
@@ -105,7 +105,7 @@ class Formats(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="
     """The default ones."""
 
 
-ToPage = Rows | Picture | Opened | Told | Formats
+ToPage = Rows | Picture | Opened | Refusal | Formats
 
 
 def encode(message: ToPage) -> str:

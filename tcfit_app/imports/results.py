@@ -38,7 +38,7 @@ PHASE = 1
 
 @dataclass(frozen=True, kw_only=True)
 class ImportChoices:
-    """What the files do not say, or what to use instead."""
+    """Values that the files lack, or that replace theirs."""
 
     first_frame: int | None = None
     """Video frame number of the result's first frame; None: as its files are numbered, or the clip's first."""
@@ -112,8 +112,8 @@ def imported_fit(
         () if motion.placed else (f"{path.name} has no camera, so its body was placed in front of the clip's camera.",)
     )
     lacks = _lacking(motion, covered.missing, clip)
-    told = (note.replace(path.name, Path(source).name) for note in (*motion.notes, *put, *covered.notes, *lacks))
-    notes = (f"Imported from {source}, read as {motion.format}.", *told)
+    renamed = (note.replace(path.name, Path(source).name) for note in (*motion.notes, *put, *covered.notes, *lacks))
+    notes = (f"Imported from {source}, read as {motion.format}.", *renamed)
     phase = PhaseResult(
         phase=PHASE, params=params, objective={}, frame_cost=np.full(len(clip), np.nan), seconds=0.0, notes=notes
     )

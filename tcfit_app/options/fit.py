@@ -239,7 +239,7 @@ class ServerOptions:
 class ReviewOptions:
     """Open a project in the browser: see its fits, correct keypoints, fit again, compare.
 
-    For a video, its project is opened, or made if there is none yet.
+    For a video, its project is opened, or made if it is missing.
     """
 
     video: Annotated[

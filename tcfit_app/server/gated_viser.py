@@ -62,14 +62,17 @@ class Visitor:
     @property
     def reviewer(self) -> str:
         """The name for work and approvals: on this computer that of the user, without a sign-in."""
-        return self.name or (_user() if self.here else "somebody")
+        return self.name or (_user() if self.here else _UNNAMED)
+
+
+_UNNAMED = "a guest"
 
 
 def _user() -> str:
     try:
         return getpass.getuser()
     except (KeyError, OSError):  # a container's user that has no name
-        return "somebody"
+        return _UNNAMED
 
 
 class TalkingSite(Site, Protocol):

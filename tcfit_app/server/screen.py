@@ -49,7 +49,7 @@ class Dropped:
         """Something was dropped; `what` may be anybody's text."""
         if not self._noted:
             self._noted = True
-            _log.info("Dropped, as is whatever else this page may not send: %r", str(what)[:300])
+            _log.info("Dropped a message that pages may not send, the first of this page: %r", str(what)[:300])
 
 
 class Screen:

@@ -99,12 +99,12 @@ def _greeting(address: Address, asked_port: int, link: str, entry: Entry) -> Ite
         yield f"Port {asked_port} is in use, so this is {address.port}."
     if entry.public and not address.loopback:
         yield (
-            f"Browsers come in at {entry.public}. Let nobody but its proxy reach port {address.port} of this computer: "
+            f"Browsers come in at {entry.public}. Allow only its proxy to reach port {address.port} of this computer: "
             "there nothing is encrypted."
         )
     elif not address.loopback:
         yield (
-            "Warning: other computers can connect. Whoever has the link, or listens in on the network (nothing is "
+            "Warning: other computers can connect. Anyone with the link, or who listens on the network (nothing is "
             "encrypted), can see and change this project. Safer: leave out --host, and reach it through "
             f"ssh -L {address.port}:127.0.0.1:{address.port} ..."
         )

@@ -105,9 +105,9 @@ def test_a_name_that_is_not_utf_8_is_listed_with_all_others(tmp_path: Path):
         rows = received(page, "rows")["rows"]
         assert [row["name"] for row in rows] == ["a", "th?"] and rows[1]["place"] == "th\ufffd.mp4"
         send(page, type="open", key=rows[1]["key"])
-        assert "Rename it" in received(page, "told")["text"]
+        assert "Rename it" in received(page, "refusal")["text"]
         send(page, type="fit", keys=[rows[1]["key"]])
-        assert "Rename it" in received(page, "told")["text"]
+        assert "Rename it" in received(page, "refusal")["text"]
 
 
 ENDLESS = "(WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) SELECT x FROM c)"

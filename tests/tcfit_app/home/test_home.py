@@ -156,7 +156,7 @@ def test_rows_pictures_approvals_and_notes(lab: Served):
         send(one, type="approve", keys=[key], approved=False)
         assert received(other, "rows", lambda m: m["rows"])["rows"][0]["state"] == "fitted"
         send(one, type="approve", keys=[lab.key("a new.tcfit")], approved=True)
-        assert "has no fit yet" in received(one, "told")["text"]
+        assert "has no fit yet" in received(one, "refusal")["text"]
 
 
 @pytest.mark.parametrize(
@@ -176,7 +176,7 @@ def test_what_no_page_sends_is_dropped_and_the_page_goes_on(message: str, lab: S
         received(page, "rows")
         page.send(message)
         send(page, type="open", key="000000000000")
-        assert "no longer there" in received(page, "told")["text"]
+        assert "no longer there" in received(page, "refusal")["text"]
 
 
 def test_a_project_that_somebody_else_has_open_is_not_changed(lab: Served):
@@ -185,7 +185,7 @@ def test_a_project_that_somebody_else_has_open_is_not_changed(lab: Served):
         project.tell_who_works("carla")
         received(page, "rows", lambda m: any(row.get("busy") == "carla" for row in m["rows"]))
         send(page, type="note", key=key, text="overwritten")
-        assert "open in another tcfit" in received(page, "told")["text"]
+        assert "open in another tcfit" in received(page, "refusal")["text"]
     assert glance(folder).review.note != "overwritten"
 
 
@@ -195,7 +195,7 @@ def test_all_videos_that_cannot_be_read_are_named(tmp_path: Path):
         (tmp_path / name).write_text("no video")
     with served(tmp_path) as lab, lab.socket() as socket:
         send(socket, type="fit", keys=[lab.key(name) for name in names])
-        told = received(socket, "told")["text"].splitlines()
+        told = received(socket, "refusal")["text"].splitlines()
         assert [next(name for name in names if name in line) for line in told] == names
 
 
@@ -261,7 +261,7 @@ def test_a_result_becomes_a_project_and_is_opened(tmp_path: Path, finished: Fini
         assert [row.kind for row in lab.home.catalogue.rows()] == ["project"] and opened == lab.key("wave.tcfit")
         assert glance(root / "wave.tcfit").state == "fitted" and is_open(lab, opened)
         send(page, type="open", key=key)
-        assert "no longer there" in received(page, "told")["text"]
+        assert "no longer there" in received(page, "refusal")["text"]
     assert _of_result(folder) == root / "wave.tcfit", "which is there already"
     assert not is_list(ReviewOptions(video=root / "wave.tcfit"))
 

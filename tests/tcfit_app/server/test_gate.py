@@ -736,7 +736,7 @@ def test_a_websocket_asks_for_no_password(lab: ReviewServer):
 def test_what_is_said_behind_a_proxy():
     said: list[str] = []
     with serve(host="0.0.0.0", entry=Entry(public=PUBLIC), say=said.append):
-        assert "Let nobody but its proxy reach port" in said[0] and said[1].startswith(f"Review: {PUBLIC}/?token=")
+        assert "Allow only its proxy to reach port" in said[0] and said[1].startswith(f"Review: {PUBLIC}/?token=")
         assert len(said) == 2
 
 

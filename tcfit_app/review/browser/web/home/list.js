@@ -56,7 +56,7 @@ function action(label, key, hint, run, kind = "") {
 }
 const buttons = {
   open: action("Open", "Enter", "Review the clip", () => openCurrent(), "tcfit-main"),
-  fit: action("Fit", "F", "Find keypoints where there are none, and fit, one clip after the other", () => fit()),
+  fit: action("Fit", "F", "Detect missing keypoints, and fit, one clip after the other", () => fit()),
   export: action("Export", "E", "Choose formats, and write the fits beside the projects, one clip after the other",
     () => askExport()),
   approve: action("Approve", "A", "Approve the clip, or withdraw the approval", () => approve()),
@@ -64,16 +64,16 @@ const buttons = {
 };
 const main = element("main", "", document.body);
 const footer = element("footer", "", document.body);
-const keysTold = element("span", "keys", footer);
-const told = element("span", "told", footer);
-told.setAttribute("role", "status");
+const keyHints = element("span", "keys", footer);
+const notice = element("span", "notice", footer);
+notice.setAttribute("role", "status");
 const KEYS_TOLD = [
   ["↑ ↓", "go"], ["Space", "select"], ["Ctrl+A", "select all"], ["G", "select the people of a clip"],
   ["Esc", "select none"], ["N", "note"],
   ["PageDown PageUp", "next and previous clip, in a clip"],
 ];
 for (const [keys, what] of KEYS_TOLD) {
-  const hint = element("span", "", keysTold);
+  const hint = element("span", "", keyHints);
   element("kbd", "", hint, keys);
   hint.append(` ${what}`);
 }
@@ -213,7 +213,7 @@ function drawButtons() {
   const hidden = selected.size - shown.filter((row) => selected.has(row.key)).length;
   const chosenNow = `${selected.size} selected${hidden ? `, ${hidden} of them hidden` : ""}`;
   const parts = [selected.size ? chosenNow : "", going ? `${going} in the queue` : ""];
-  told.textContent = parts.filter(Boolean).join(" · ");
+  notice.textContent = parts.filter(Boolean).join(" · ");
 }
 
 /** For the way back to this page. */
@@ -234,7 +234,7 @@ function openCurrent(key) {
   if (!row) return;
   kept.current = row.key;
   drawNow();
-  told.textContent = `Opening ${row.name} …`;
+  notice.textContent = `Opening ${row.name} …`;
   send({ type: "open", key: row.key });
 }
 
@@ -252,7 +252,7 @@ function askExport() {
   chosenByKey();
   exported = exportable();
   if (!exported.length) return;
-  told.textContent = "Loading the formats …";
+  notice.textContent = "Loading the formats …";
   send({ type: "formats" });
 }
 
@@ -437,14 +437,14 @@ function send(message) {
 function take(message) {
   if (message.type === "rows") takeRows(message);
   else if (message.type === "picture") table.take(message.key, message.data);
-  else if (message.type === "told") tell(message.text);
+  else if (message.type === "refusal") tell(message.text);
   else if (message.type === "formats") exportWindow.open(message, exported);
   else if (message.type === "opened") {
     kept.current = message.key;
     keep();
     location.assign(`/clip/${message.key}`);
   }
-  if (["told", "formats"].includes(message.type)) drawButtons();
+  if (["refusal", "formats"].includes(message.type)) drawButtons();
 }
 
 /** @param {{ rows: Row[], gone?: string[], whole?: boolean }} message */
@@ -486,7 +486,7 @@ function connect() {
   };
   made.onmessage = ({ data }) => take(JSON.parse(data));
   made.onclose = () => {
-    if (socket === made) told.textContent = "Not connected: trying again …";
+    if (socket === made) notice.textContent = "Not connected: trying again …";
     if (sentNote) tell(`${UNREACHABLE} The note may not be stored: save it again.`);
     socket = null;
     setTimeout(connect, AGAIN);

@@ -64,7 +64,7 @@ footer { display: flex; gap: 24px; padding: 7px 18px; border-top: 1px solid var(
   color: var(--tcfit-dim); white-space: nowrap; }
 footer .keys { flex: 1; overflow: hidden; text-overflow: ellipsis; }
 footer .keys span { margin-right: 18px; }
-footer .told { color: var(--tcfit-text); }
+footer .notice { color: var(--tcfit-text); }
 footer kbd { font: inherit; color: var(--tcfit-key); font-weight: 600; }
 .alert { position: fixed; right: 24px; bottom: 48px; z-index: 3; display: flex; gap: 14px; align-items: flex-start; max-width: 460px;
   padding: 14px 16px; border-radius: 8px; background: var(--tcfit-menu); border: 1px solid var(--tcfit-edge);
