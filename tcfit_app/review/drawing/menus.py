@@ -2,11 +2,10 @@
 
 from collections.abc import Collection
 
-from fitting_core.keypoints import PARTS
+from fitting_core.keypoints import BODY, PARTS
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import Groups, MenuItem, Menus
 from tcfit_app.review.gestures.actions import ACTIONS, OF_SELECTION, Gestures, Need, frames
-from tcfit_app.review.gestures.detecting_again import missing_parts
 from tcfit_app.review.gestures.edit_words import part_name
 
 _OF_FRAMES = (
@@ -82,9 +81,8 @@ def _nobody(gestures: Gestures) -> MenuItem | None:
     """What a click offers where no person was detected: while the person can be chosen, and in frames without them."""
     tab = gestures.tab
     session = tab.session
-    missing = session.project.has_detections and missing_parts(session.project.corrected, tab.state.frame) == (
-        "person",
-    )
+    there = session.project.corrected.confidence[tab.state.frame, BODY] > 0
+    missing = session.project.has_detections and not there.any()
     if not missing and not session.can_choose_person:
         return None
     return item(gestures, "frame_person", "Nobody was detected here. Search here?")

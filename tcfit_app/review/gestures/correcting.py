@@ -28,7 +28,6 @@ from tcfit_app.project.edits.kinds import (
     PlaceKey,
     Reset,
     Restore,
-    SetConfidence,
     SwapSides,
 )
 from tcfit_app.project.frame_words import in_words
@@ -249,11 +248,6 @@ class Correcting:
     def reset(self) -> None:
         """Reset to the detection."""
         self.make(Reset(frames=self._tab.frames_to_change, joints=self.selected()))
-
-    def set_confidence(self, confidence: float) -> None:
-        """Set the confidence of the selected keypoints."""
-        self._refuse_missing(self._tab.frames_to_change, self.selected(), "given a confidence")
-        self.make(SetConfidence(frames=self._tab.frames_to_change, joints=self.selected(), confidence=confidence))
 
     def undo(self) -> None:
         """Undo the project's last edit or mark, a series of nudges as a whole, and show where it was. The first call

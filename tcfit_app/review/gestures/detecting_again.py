@@ -2,10 +2,9 @@
 
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.keypoints import BODY, PARTS, PartOfPerson
+from fitting_core.keypoints import PartOfPerson
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.imports.second_looks import Region, SecondLook
-from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.kinds import DetectAgain
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_events import Framed
@@ -16,14 +15,6 @@ from tcfit_app.review.tab.tab import Tab
 
 _LEAST = 2.0
 """Minimum width and height of a rectangle, pixels."""
-
-
-def missing_parts(corrected: Corrected, frame: int) -> tuple[PartOfPerson, ...]:
-    """Missing parts of a frame; only "person" without a person."""
-    there = corrected.confidence[frame] > 0
-    if not there[BODY].any():
-        return ("person",)
-    return tuple(part for part, points in PARTS.items() if not there[points].any())
 
 
 class DetectingAgain:

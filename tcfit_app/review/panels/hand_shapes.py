@@ -4,18 +4,17 @@ from functools import partial
 
 from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.errors import InputError
-from fitting_core.keypoints import Side
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, refusal
-from tcfit_app.review.gestures.shaping import HAND_POINTS, MOST_BLEND, keep_handshape, own_handshapes
+from tcfit_app.review.gestures.shaping import MOST_BLEND, keep_handshape, own_handshapes
 from tcfit_app.review.panels.elements.field import Field, for_writers
-from tcfit_app.review.panels.elements.html import Board, action, button, choice, choices, heading, paragraph, row
+from tcfit_app.review.panels.elements.html import Board, action, button, choices, heading, paragraph, row
 
 _BLEND = "Frames before and after, in which the hand goes over into the shape and out of it"
 _NAME = "Name of a shape of your own: Save keeps the hand of the frame on show under it, for all projects"
 
 
 class HandShapes:
-    """Which hand, the shapes to give it, and the user's own. Called repeatedly, it sends only changes."""
+    """The shapes to give the selected hand, and the user's own. Called repeatedly, it sends only changes."""
 
     def __init__(self, gestures: Gestures) -> None:
         self._gestures, self._action = gestures, partial(action, gestures)
@@ -32,10 +31,6 @@ class HandShapes:
     def _typed(self) -> str:
         return self._name.value.strip()
 
-    def _select(self, side: Side) -> None:
-        points = HAND_POINTS[side]
-        self._tab.set(selection=tuple(range(points.start, points.stop)))
-
     def draw(self, where: str) -> None:
         """Bring it to the tab's state; `where` says in words which frames buttons change."""
         shaping, act = self._shaping, self._action
@@ -44,16 +39,12 @@ class HandShapes:
             own, problem = own_handshapes(), ""
         except InputError as error:
             own, problem = {}, str(error)
-        side = None if refusal(shaping.side) else shaping.side()
-        titles: dict[Side, str] = {each: f"{each.title()} hand" for each in HAND_POINTS}
-        hands = choices("shapes.hand", titles, self._select, lambda each: each == side)
         theirs = choices(
             "shapes.own", {name: name for name in own}, shaping.give_own, lambda name: None, obstacle=why, kind="mini"
         )
         copied = shaping.copied
         self._shapes.show(
             heading("Hand shape", where),
-            row(choice(*hands)),
             row(*(act(f"shape_{name}", name[0].upper() + name[1:], kind="mini") for name in HANDSHAPES), wrap=True),
             *([row(*theirs, wrap=True)] if own else []),
             row(act("shape_other", "Other hand"), act("copy_shape", "Copy")),

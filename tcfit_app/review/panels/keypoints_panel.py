@@ -1,6 +1,5 @@
 """The Keypoints panel: corrects keypoints, and lists the edits."""
 
-from collections import Counter
 from datetime import datetime
 from functools import partial
 from typing import ClassVar
@@ -16,9 +15,8 @@ from tcfit_app.project.edits.edit_log import LogEntry, Redo, Remark, Said, Undo
 from tcfit_app.project.edits.keyframes import LONGEST_GAP
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.actions import Gestures, refusal
-from tcfit_app.review.gestures.detecting_again import missing_parts
 from tcfit_app.review.gestures.edit_words import depth_words, describe, part_name, whose
-from tcfit_app.review.panels.elements.field import Dropdown, for_writers
+from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.html import (
     GROUP_LABELS,
     Board,
@@ -63,15 +61,13 @@ class KeypointsPanel:
         self._gestures, self._action = gestures, partial(action, gestures)
         self._tab = tab = gestures.tab
         gui = tab.client.gui
-        self._selected, self._missing = Board(tab), Board(tab)
+        self._selected = Board(tab)
         names = gui.add_dropdown("Keypoint", (_NOTHING, *_JOINTS), hint="Type a part of the name to find it")
         self._name = Dropdown(tab, names, self._select, self._selected_name)
         self._buttons = Board(tab)
         self._shapes = HandShapes(gestures)
         self._groups = Board(tab)
-        self._confidence = gui.add_slider("Confidence", 0.0, 1.0, 0.05, 1.0)
-        for_writers(tab, self._confidence)
-        self._exactly, self._again, self._done = Board(tab), Board(tab), Board(tab)
+        self._unseen, self._again, self._done = Board(tab), Board(tab), Board(tab)
 
     def _selected_name(self) -> str:
         selection = self._tab.state.selection
@@ -93,8 +89,6 @@ class KeypointsPanel:
         tab, session = self._tab, self._tab.session
         self._name.draw()
         self._selected.show(*selection_table(tab))
-        looks = not refusal(self._gestures.again.refuse_blind)
-        self._draw_missing(looks=looks)
         self._draw_buttons(where := self._where())
         self._shapes.draw(where)
         by = session.project.footage.detector if session.project.has_detections else ""
@@ -108,25 +102,8 @@ class KeypointsPanel:
             hint=lambda name: "Select them",
         )
         self._groups.show(heading("Select a group"), row(*groups, wrap=True), *_detected_by(by))
-        self._draw_again(where, looks=looks)
+        self._draw_again(where, looks=not refusal(self._gestures.again.refuse_blind))
         self._draw_history()
-
-    def _draw_missing(self, *, looks: bool) -> None:
-        """What was not found in this frame; nothing while the clip plays, which would make it flicker."""
-        tab, state, looking = self._tab, self._tab.state, self._gestures.again.busy
-        shown = looks and not state.playing
-        parts = missing_parts(tab.session.project.corrected, state.frame) if shown else ()
-        self._missing.show(
-            *([heading("Not found", f"frame {state.frame + tab.first_frame}")] if parts else []),
-            *([table([self._missing_line(part, off=looking) for part in parts])] if parts else []),
-        )
-
-    def _missing_line(self, part: PartOfPerson, *, off: bool) -> Html:
-        label = named("Detect it", self._tab)
-        look = button(
-            label, "keypoints.look", part, do=lambda: self._gestures.again.look(part), kind="mini", disabled=off
-        )
-        return line(f"{part_name(part).capitalize()}: not found", look, numbers=(1,))
 
     def _draw_again(self, where: str, *, looks: bool) -> None:
         """What can be detected again, or the progress of that."""
@@ -171,7 +148,7 @@ class KeypointsPanel:
         return bool(tab.session.project.corrected.bad[np.ix_(tab.chosen_frames, tab.state.selection)].all())
 
     def _draw_buttons(self, where: str) -> None:
-        tab, state, act = self._tab, self._tab.state, self._action
+        tab, act = self._tab, self._action
         off = bool(refusal(self._refuse))
         swap = self._gestures.correcting.swap_sides
         swaps = choices("keypoints.swap", _SWAPPED, swap, lambda name: None, disabled=lambda name: off)
@@ -189,13 +166,7 @@ class KeypointsPanel:
             row(act("clear_depth")),
             row(act("pin", "Pin in space"), act("lock", "Lock rotation"), act("unlock", "Unlock")),
         )
-        set_all = button(
-            named("Set confidence", tab),
-            "keypoints.confidence",
-            do=lambda: self._gestures.correcting.set_confidence(self._confidence.value),
-            disabled=off or not state.selection,
-        )
-        self._exactly.show(row(set_all), *unseen(tab))  # below, so that selecting frames does not move the buttons
+        self._unseen.show(*unseen(tab))  # below, so that selecting frames does not move the buttons
 
     def _draw_history(self) -> None:
         tab, project = self._tab, self._tab.session.project
@@ -280,12 +251,8 @@ def _detected_by(detector: str) -> list[Html]:
     return [paragraph(f"Detected by {DETECTOR_TITLES.get(detector, detector)}.", "dim")] if detector else []
 
 
-_STATES = ("bad", "pinned", "corrected", "detected", "missing")
-"""Also used in the style sheet."""
-
-
 def state_of(corrected: Corrected, frame: int, joint: int) -> str:
-    """The state of a keypoint, one of _STATES."""
+    """The state of a keypoint; also the name of its style."""
     if corrected.bad[frame, joint]:
         return "bad"
     if corrected.confidence[frame, joint] == 0:
@@ -308,9 +275,7 @@ def selection_table(tab: Tab) -> list[Html]:
     rows = [_line(tab, joint) for joint in chosen[:_MOST]]
     parts = [heading(title, f"frame {frame + tab.first_frame}", first=True), table(rows, head, numbers=(2, 3))]
     if len(chosen) > _MOST:
-        counts = Counter(state_of(tab.session.project.corrected, frame, joint) for joint in chosen)
-        of_all = ", ".join(f"{counts[state]} {state}" for state in _STATES if counts[state])
-        parts.append(paragraph(f"and {len(chosen) - _MOST} more; in total {of_all}", "dim"))
+        parts.append(paragraph(f"and {len(chosen) - _MOST} more", "dim"))
     return parts
 
 

@@ -23,7 +23,6 @@ from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Framed, Key
 from tcfit_app.review.drawing import menus
 from tcfit_app.review.drawing.status import Status
-from tcfit_app.review.gestures.detecting_again import missing_parts
 from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.samples.media import write_images
@@ -136,24 +135,6 @@ def test_nothing_found_is_said_and_is_no_edit(tested: LonePage, looking: Looking
     tested.settle()
     assert [notice.title for notice in tested.notices] == ["No left hand was found in frames 7–12."]
     assert not project_of(tested).log
-
-
-def test_what_was_not_found_is_one_click_away(tested: LonePage, looking: Looking):
-    assert "Left hand: not found" in tested.html() and "Face: not found" not in tested.html()
-    tested.click("Detect it")
-    tested.settle()
-    assert looking.asked[0]["frames"] == [FIRST] and looking.asked[0]["part"] == "left_hand"
-    assert "not found" not in tested.html()
-    tested.page.tab.set(playing=True)
-    assert "not found" not in tested.html()
-
-
-def test_of_somebody_who_is_not_there_only_that_is_said():
-    keypoints = sample_clip().keypoints
-    confidence = keypoints.confidence.copy()
-    confidence[0], confidence[1, LEFT_HAND] = 0, 0
-    found = Corrected.none(Keypoints(xy=keypoints.xy, confidence=confidence))
-    assert [missing_parts(found, frame) for frame in (0, 1, 2)] == [("person",), ("left_hand",), ()]
 
 
 def test_a_rectangle_is_looked_into_once(tested: LonePage, looking: Looking):
@@ -301,11 +282,11 @@ def test_a_click_offers_a_search_where_the_person_was_not_found(tested: LonePage
     with monkeypatch.context() as patch:
         patch.setattr(type(tab.session), "can_choose_person", property(lambda session: True))
         assert menus.menus(page.gestures).nobody is not None, "while another person can be chosen"
-    monkeypatch.setattr(menus, "missing_parts", lambda corrected, frame: () if frame else ("person",))
-    tab.seek(0)
-    offer = menus.menus(page.gestures).nobody
+    with monkeypatch.context() as patch:
+        nobody = Corrected.none(Keypoints(xy=np.zeros((FRAMES, COUNT, 2)), confidence=np.zeros((FRAMES, COUNT))))
+        patch.setattr(type(tab.session.project), "corrected", property(lambda project: nobody))
+        offer = menus.menus(page.gestures).nobody
     assert offer is not None and offer.label == "Nobody was detected here. Search here?" and not offer.obstacle
     page.receive(Key(action=offer.action, repeat=False))
     assert page.gestures.again.framing == "person", "the next drag draws the rectangle"
-    tab.seek(1)
     assert menus.menus(page.gestures).nobody is None

@@ -102,8 +102,7 @@ def test_the_other_hand_mirrored_and_a_copied_one(tested: LonePage, tiny_body: B
     tab.set(frame=2)
     tested.press("action", "shape_copied")
     np.testing.assert_allclose(shape_of(last_edit(tested)), right[5], atol=1e-5)
-    tested.press("shapes.hand", "left")
-    assert tab.state.selection == tuple(range(LEFT_HAND.start, LEFT_HAND.stop))
+    tested.press("keypoints.group", "left_hand")
     tested.press("action", "shape_last")
     edit = last_edit(tested)
     assert edit.joints == FINGER_JOINTS["left"] and edit.name == "right hand of frame 5"

@@ -47,14 +47,6 @@ def test_a_start_and_a_shape_are_chosen_and_stay_after_a_reload(opened: Reviewin
     assert state().given.start == Source(run=2)
 
 
-def test_why_a_run_cannot_be_refined_is_told(opened: Reviewing):
-    """Its body is not here; nothing is begun."""
-    opened.panel("Runs")
-    opened.tab.get_by_role("button", name="Refine").click()
-    opened.tab.get_by_text("of this run is missing").first.wait_for()  # a notice, or a short message
-    assert len(opened.session.fits.runs) == 2 and not opened.session.jobs
-
-
 def test_a_camera_file_is_read_and_its_problems_are_told(opened: Reviewing, tmp_path: Path):
     width, height = opened.session.project.clip.camera.size
     path = tmp_path / "scene.json"

@@ -19,7 +19,7 @@ from tcfit_app.analysis.body_regions import LIMB_OF
 from tcfit_app.analysis.findings import WHOLE
 from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
 from tcfit_app.fitting.fits import FitChoice
-from tcfit_app.project.edits.kinds import CopyFrom, MarkBad, Restore, SetConfidence, SwapSides
+from tcfit_app.project.edits.kinds import CopyFrom, MarkBad, Restore, SwapSides
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Drag, LookAt
 from tcfit_app.review.drawing.status import lasting
@@ -228,9 +228,6 @@ def test_correcting_buttons_and_where_they_apply(tested: LonePage):
     page.tab.set(selection=(4,))
     tested.press("keypoints.swap", "arms")
     assert isinstance(last_edit(page), SwapSides)
-    tested.enter("Confidence", 0.5)
-    tested.press("keypoints.confidence")
-    assert last_edit(page) == SetConfidence(frames=(1, 2, 3), joints=(4,), confidence=0.5)
 
 
 def test_copies_go_to_all_selected_frames(tested: LonePage):
@@ -242,16 +239,15 @@ def test_copies_go_to_all_selected_frames(tested: LonePage):
     assert last_edit(page) == CopyFrom(frames=(2, 3), joints=(int(there[0]),), source=1)
 
 
-def test_what_is_nowhere_is_not_copied_moved_or_made_sure(tested: LonePage):
+def test_what_is_nowhere_is_not_copied_or_moved(tested: LonePage):
     page = tested.page
     missing = int(np.flatnonzero(page.tab.session.project.detections.confidence[1] == 0)[0])
     page.tab.seek(1)
     page.tab.set(selection=(missing,))
     assert "missing" in tested.html()
     correcting = page.gestures.correcting
-    for correct in (lambda: correcting.nudge(1.0, 0.0), lambda: correcting.set_confidence(1.0)):
-        with pytest.raises(InputError, match=f"none of the selected keypoints exists in frame {FIRST + 1}"):
-            correct()
+    with pytest.raises(InputError, match=f"none of the selected keypoints exists in frame {FIRST + 1}"):
+        correcting.nudge(1.0, 0.0)
     page.tab.seek(2)
     with pytest.raises(InputError, match=f"Cannot be copied.* frame {FIRST + 1}"):
         correcting.copy_previous()
@@ -620,9 +616,8 @@ def test_frames_that_are_selected_elsewhere_are_not_changed(tested: LonePage):
     for name in changing:
         with pytest.raises(InputError, match=f"frames {FIRST + 1}–{FIRST + 3}, and frame {FIRST + 5} is on show"):
             tested.press("action", name)
-    for command in (("keypoints.confidence", ""), ("keypoints.swap", "legs")):
-        with pytest.raises(InputError, match="is on show"):
-            tested.press(*command)
+    with pytest.raises(InputError, match="is on show"):
+        tested.press("keypoints.swap", "legs")
     assert len(project.log) == known and not project.marks.all()
     assert "nothing is changed" in tested.html()
     tested.press("frames.go")

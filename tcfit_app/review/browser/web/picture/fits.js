@@ -9,7 +9,6 @@ import { scenePoint, worldToCanvas } from "../viser/bridge.js";
 import { dot, onPlate } from "./following.js";
 import { toScreen } from "./projection.js";
 
-const BENDS = /elbow|knee/; // keypoints between two bones whose angle says something
 const STEP = 0.01; // metres: short enough for the perspective of 3D to be even
 
 /** @param {number[]} a @param {number[]} b */
@@ -108,9 +107,8 @@ export function wayInDepth(map, joint, body) {
 
 const LEAST = 0.4; // share of its length at which a line of sight must be seen for depth to be dragged along it
 
-/** "right wrist  12 cm in front of the pelvis  95 cm above the floor" @param {number} joint @param {number} body
- * @param {Set<number>} selected */
-export function fitLine(joint, body, selected) {
+/** "right wrist  12 cm in front of the pelvis  95 cm above the floor" @param {number} joint @param {number} body */
+export function fitLine(joint, body) {
   const { names } = known("skeleton");
   const fit = states.bodies?.bodies[body];
   const points = fit?.points;
@@ -124,22 +122,8 @@ export function fitLine(joint, body, selected) {
   parts.push(`${Math.abs(height)} cm ${height < 0 ? "below" : "above"} the floor`);
   const bars = fit.error_bars[joint];
   if (bars) parts.push(`± ${centimetres(bars[0])} cm in depth, ± ${centimetres(bars[1])} cm across`);
-  if (BENDS.test(names[joint])) parts.push(`bent by ${bend(points, joint)}°`);
-  const [other] = selected;
-  const far = points[other];
-  if (selected.size === 1 && far && other !== joint)
-    parts.push(`${centimetres(Math.hypot(...minus(far, point)))} cm from ${names[other]}`);
   return parts.join("\n");
 }
 
 /** @param {number} metres */
 const centimetres = (metres) => Math.round(100 * metres);
-
-/** By how many degrees the bones at a keypoint are off a straight line.
- * @param {readonly (Point | null)[]} points @param {number} joint */
-function bend(points, joint) {
-  const ends = known("skeleton").bones.flatMap(([a, b]) => (a === joint ? [b] : b === joint ? [a] : []));
-  const [one, other] = ends.map((end) => minus(points[end] ?? [0, 0, 0], points[joint] ?? [0, 0, 0]));
-  const cosine = dot(one, other) / (Math.hypot(...one) * Math.hypot(...other));
-  return Math.round(180 - (Math.acos(Math.min(Math.max(cosine, -1), 1)) * 180) / Math.PI);
-}

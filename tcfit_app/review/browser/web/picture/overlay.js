@@ -185,7 +185,7 @@ function drawHovered(context) {
     });
   const place = drawn.maps[poster] && placesOf(drawn.maps[poster], [joint]).find((placed) => placed.body === body);
   if (!place) return;
-  tooltip.textContent = inPicture(hovered) ? jointLine(joint) : fitLine(joint, body, chosen.joints);
+  tooltip.textContent = inPicture(hovered) ? jointLine(joint) : fitLine(joint, body);
   placeTooltip(tooltip, place.x, place.y, false);
 }
 

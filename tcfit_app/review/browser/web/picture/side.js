@@ -1,4 +1,4 @@
-// Draws over the side view: the floor, the camera, the fits' keypoints, and the lines of sight of selected ones.
+// Draws over the side view: the floor, the fits' keypoints, and the lines of sight of selected ones.
 
 /** @import { FitBody, SidePlate } from "../wire" */
 /** @import { PosterMap } from "./projection.js" */
@@ -17,7 +17,6 @@ const TICKS = [0.5, 0.1, 0.02]; // metres apart: the first that suits the plate
 const FAR = 200; // metres from the camera: the end of a line of sight, beyond any plate
 const BODY = 25; // keypoints; those of hands and face come after them
 const FEW = 4; // selected keypoints of which every line of sight is drawn
-const ASIDE = 0.35; // sine of the angle between two lines of sight below which one is no line for the other
 
 /** @param {Context} context @param {PosterMap} map */
 export function drawSide(context, map) {
@@ -27,7 +26,6 @@ export function drawSide(context, map) {
     drawRuler(context, map, side);
     drawSights(context, map, side);
     drawFits(context, map);
-    drawCamera(context, map, side);
   });
 }
 
@@ -156,37 +154,4 @@ function drawSights(context, map, side) {
   stroke(context, lines, COLORS.selected, 1.2);
   context.globalAlpha = 1;
   context.setLineDash([]);
-}
-
-/** Where it is, or at the edge an arrow towards it; nothing where one looks the way that it looks, or back.
- * @param {Context} context @param {PosterMap} map @param {SidePlate} side */
-function drawCamera(context, map, side) {
-  const [width, height] = known("layout").image;
-  const [du, dv] = wayOf(side, [width / 2, height / 2]);
-  if (Math.hypot(du, dv) < ASIDE * side.metre) return;
-  const [x, y] = toScreen(map, cameraOf(side));
-  const plate = plateSeen(map);
-  const [left, top, right, bottom] = [plate.left + 12, plate.top + 44, plate.right - 12, plate.bottom - 44];
-  const [px, py] = [Math.min(Math.max(x, left), right), Math.min(Math.max(y, top), bottom)];
-  const there = px === x && py === y;
-  const angle = there ? Math.atan2(dv, du) : Math.atan2(y - py, x - px);
-  context.save();
-  context.translate(px, py);
-  context.rotate(angle);
-  context.fillStyle = TEXT;
-  context.beginPath();
-  if (there) {
-    context.rect(-12, -5, 12, 10);
-    context.moveTo(0, 0);
-    context.lineTo(7, -5);
-    context.lineTo(7, 5);
-  } else {
-    context.moveTo(6, 0);
-    context.lineTo(-3, -5);
-    context.lineTo(-3, 5);
-  }
-  context.fill();
-  context.restore();
-  const leftwards = px > (plate.left + plate.right) / 2;
-  write(context, "camera", px + (leftwards ? -14 : 14), py, leftwards ? "right" : "left");
 }
