@@ -35,13 +35,12 @@ def run(options: ActedOptions, command: str) -> None:
         folder,
         options.presets or _COMPARED,
         names,
-        level=options.level,
         every=options.every,
         collisions=options.collisions,
     )
     found = _done(tasks, options.jobs)
     evaluation = Evaluation(
-        title=f"Synthetic suite, level {options.level}",
+        title="Synthetic suite",
         records=tuple(record for task in tasks for record in found[task.sequence, task.variant]),
         settings={"Command": command, "Sequences": ", ".join(names), "Date": date.today().isoformat()},
         notes=(_NOTE,) if options.collisions else (_NOTE, "All fits are without the term of self-collision."),

@@ -8,9 +8,6 @@ from pathlib import Path
 
 import msgspec
 import torch
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table
 
 from evaluation.options import MotionOptions
 from evaluation.suite_runs import done_tasks, fit_key, fit_seconds, fitted_body, keep_fit
@@ -141,11 +138,10 @@ def run(options: MotionOptions, command: str) -> None:
     write_records(folder / JSON_NAME, records, settings)
     methods = list(dict.fromkeys(record.method for record in records))
     tables = {method: _tables([record for record in records if record.method == method]) for method in methods}
+    text = _markdown(tables, settings)
     with replacing(folder / TABLES_NAME) as draft:
-        draft.write_text(_markdown(tables, settings))
-    for method, own in tables.items():
-        for title, rows in own.items():
-            _print(f"{method}: {title}", rows)
+        draft.write_text(text)
+    print(text)
     print(f"Wrote {JSON_NAME} and {TABLES_NAME} into {folder}")
 
 
@@ -203,14 +199,3 @@ def _markdown(tables: dict[str, dict[str, Rows]], settings: dict[str, str]) -> s
             lines += ["", f"{method}: {title}", "", f"| | {' | '.join(head)} |", "|---" * (len(head) + 1) + "|"]
             lines += [f"| {label} | {' | '.join(_cells(row))} |" for label, row in rows.items()]
     return "\n".join(lines) + "\n"
-
-
-def _print(title: str, rows: Rows) -> None:
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("", no_wrap=True)
-    for name in next(iter(rows.values())):
-        table.add_column(name.replace(", ", "\n"), justify="right")
-    for label, row in rows.items():
-        table.add_row(label, *_cells(row))
-    # Tables that are wider than a terminal are wanted whole in a log.
-    Console(width=None if sys.stdout.isatty() else 180).print(table)

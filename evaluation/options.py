@@ -29,8 +29,6 @@ class SuiteOptions:
 class ActedOptions(SuiteOptions):
     """Fit and measure the synthetic suite: metrics.csv, metrics.json and, with tcfit[report], report.html."""
 
-    level: Annotated[str, arg(metavar="{clean,normal,hard}")] = "normal"
-    """How hard the detections are."""
     every: Annotated[int, arg(metavar="N")] = 1
     """Measure surfaces in every Nth frame, which is the slow part."""
 

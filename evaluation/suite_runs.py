@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import torch
 
-from evaluation.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence
+from evaluation.synthetic.suite import SEQUENCES, SuiteClip, make_sequence
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import BodyModel
@@ -49,7 +49,6 @@ class SuiteTask:
     """One sequence to be fitted in one way."""
 
     sequence: str
-    level: str
     variant: str
     """Name of the way of fitting; its records are named after it."""
     config: FitConfig
@@ -82,26 +81,23 @@ def sequences_named(names: Sequence[str]) -> list[str]:
 
 
 def preset_tasks(
-    folder: Path, presets: Sequence[str], sequences: Sequence[str], *, level: str, every: int, collisions: bool = True
+    folder: Path, presets: Sequence[str], sequences: Sequence[str], *, every: int, collisions: bool = True
 ) -> list[SuiteTask]:
     """A task for each sequence and preset; of SMPLify-X only phase 1, as it fits single images.
 
     Without `collisions` no preset has the term of self-collision.
 
     Raises:
-        InputError: There is no such level or preset.
+        InputError: There is no such preset.
     """
-    if level not in LEVELS:
-        raise InputError(f"--level: there is no {level}; expected one of {', '.join(LEVELS)}.")
     if unknown := [name for name in presets if name not in PRESETS]:
         raise InputError(f"--presets: there is no {unknown[0]}; expected some of {', '.join(PRESETS)}.")
     return [
         SuiteTask(
             sequence=sequence,
-            level=level,
             variant=preset,
             config=_config(preset, collisions=collisions),
-            folder=folder / "fits" / level / preset / sequence,
+            folder=folder / "fits" / preset / sequence,
             every=every,
         )
         for sequence in sequences
@@ -135,7 +131,7 @@ def run_task(task: SuiteTask) -> tuple[Record, ...]:
     """The records of a task: from its folder if it was done with the same settings, else fitted and measured now."""
     torch.set_num_threads(1)
     ready.use(threads=1)
-    made, body = make_sequence(SEQUENCES[task.sequence], task.level), fitted_body()
+    made, body = make_sequence(SEQUENCES[task.sequence]), fitted_body()
     key = fit_key(task.config, made.clip, made.truth, body)
     measured_key = f"{key} {task.every} {MEASURES}"
     if (stored := _stored(task.folder / _RECORDS)) is not None and stored.key == measured_key:

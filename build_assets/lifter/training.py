@@ -2,17 +2,20 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from build_assets.checkpoint import read_checkpoint, write_checkpoint
 from build_assets.lifter.filming import Film, Studio
+from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
+from fitting_core.files.regular import regular_file
 from fitting_core.lifting.network import Lifted, Lifter, LifterSize
 from fitting_core.lifting.rays import seen
 
@@ -115,7 +118,7 @@ class Training:
             "average": self.average.state_dict(),
             "optimizers": [optimizer.state_dict() for optimizer in self.optimizers],
         }
-        write_checkpoint(path, self._identity(), state)
+        _write_checkpoint(path, self._identity(), state)
 
     def load(self, path: Path) -> None:
         """Continue from a checkpoint, with new windows.
@@ -123,7 +126,7 @@ class Training:
         Raises:
             InputError: it belongs to a training with other settings, or is no checkpoint.
         """
-        state = read_checkpoint(path, self._identity())
+        state = _read_checkpoint(path, self._identity())
         self.network.load_state_dict(state["network"])
         self.average.load_state_dict(state["average"])
         for optimizer, saved in zip(self.optimizers, state["optimizers"], strict=True):
@@ -210,3 +213,34 @@ def score(network: Lifter, films: list[Film]) -> Score:
         up=float(torch.cat(angles).mean()),
         contact=float(torch.cat(right).mean()),
     )
+
+
+def _write_checkpoint(path: Path, of: Mapping[str, object], state: Mapping[str, object]) -> None:
+    """Write how far a training is, whole or not at all.
+
+    Args:
+        path: The file.
+        of: The training's settings, which it cannot go on without.
+        state: Tensors, numbers, and lists and dictionaries of them.
+    """
+    with replacing(path) as draft:
+        torch.save({"of": dict(of), **state}, draft)
+
+
+def _read_checkpoint(path: Path, of: Mapping[str, object]) -> dict[str, Any]:
+    """The state that `_write_checkpoint` wrote, of a training with these settings.
+
+    Raises:
+        InputError: It belongs to a training with other settings, or is no checkpoint.
+    """
+    try:
+        state = torch.load(regular_file(path, most=None), weights_only=True)
+        found = state.pop("of")
+    except Exception as error:  # torch raises whatever the damage led to
+        raise InputError(f"{path}: not a checkpoint of this training ({error}). Delete it to start again.") from error
+    if found != dict(of):
+        raise InputError(
+            f"{path}: belongs to a training with other settings, {found}; now: {dict(of)}. Give the same settings to "
+            f"go on with it, or delete it to start again."
+        )
+    return state

@@ -1,7 +1,4 @@
-"""Trains the pose prior that tcfit ships, on motion capture that may be used freely.
-
-Writes a checkpoint beside the result and goes on from it when it is started again with the same settings.
-"""
+"""Train the pose prior that tcfit ships, on motion capture that may be used freely."""
 
 import sys
 import time
@@ -28,7 +25,6 @@ from fitting_core.errors import InputError
 from fitting_core.priors.files.network import Activation, Layer, PriorNetwork, write_prior_network
 from fitting_core.shipped import FREE_FOLDER, POSE_PRIOR
 
-_SAVE_EVERY = 1000
 _LICENCE = "Apache-2.0"
 
 
@@ -71,21 +67,14 @@ def main(options: Options) -> None:
         schedule=options.schedule,
         device=device,
     )
-    checkpoint = options.out.with_suffix(".checkpoint.pt")
-    if checkpoint.exists():
-        training.load(checkpoint)
-        print(f"goes on at step {training.step} ({checkpoint})")
     unseen = np.concatenate([clip.body_pose for clip in held] or [clips[0].body_pose])[::10]
     started = time.monotonic()
-    with tqdm(total=options.schedule.steps, initial=training.step, unit="step") as bar:
+    with tqdm(total=options.schedule.steps, unit="step") as bar:
         for progress in training.run():
             bar.update(progress.step - bar.n)
             bar.write(_line(progress, training, unseen))
-            if progress.step % _SAVE_EVERY == 0:
-                training.save(checkpoint)
     notes = f"{options.schedule}, {options.precision}, {options.size}; {time.monotonic() - started:.0f} s on {device}"
     write_prior_network(options.out, exported(training.network), notes=notes)
-    checkpoint.unlink(missing_ok=True)
     print(f"written to {options.out}")
 
 

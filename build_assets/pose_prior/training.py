@@ -1,16 +1,14 @@
-"""The training loop: seeded, with checkpoints from which it goes on as if it had never stopped."""
+"""The training loop, seeded."""
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from build_assets.checkpoint import read_checkpoint, write_checkpoint
 from build_assets.pose_prior.autoencoder import NetworkSize, PoseAutoencoder
 from build_assets.pose_prior.loss import Loss, Precision
 from fitting_core.body import rotations
@@ -108,33 +106,3 @@ class Training:
         angle = rotations.log(matrices.mT @ back).norm(dim=-1)
         apart = (self.loss.skeleton.points(matrices) - self.loss.skeleton.points(back)).norm(dim=-1)
         return float(angle.mean().rad2deg()), float(1000 * apart.mean())
-
-    def _identity(self) -> dict[str, object]:
-        return {
-            "size": asdict(self.network.size),
-            "precision": asdict(self.precision),
-            "schedule": asdict(self.schedule),
-        }
-
-    def save(self, path: Path) -> None:
-        """Write a checkpoint."""
-        state = {
-            "step": self.step,
-            "network": self.network.state_dict(),
-            "parts": [part.state_dict() for part in (*self.optimizers, *self.rates)],
-            "random": self.random.get_state(),
-        }
-        write_checkpoint(path, self._identity(), state)
-
-    def load(self, path: Path) -> None:
-        """Go on from a checkpoint.
-
-        Raises:
-            InputError: it belongs to a training with other settings, or is no checkpoint.
-        """
-        state = read_checkpoint(path, self._identity(), self.device)
-        self.network.load_state_dict(state["network"])
-        for part, saved in zip((*self.optimizers, *self.rates), state["parts"], strict=True):
-            part.load_state_dict(saved)
-        self.random.set_state(state["random"].cpu())
-        self.step = state["step"]

@@ -30,7 +30,6 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
-from fitting_core.errors import InputError
 from fitting_core.io.truth import Truth, read_truth, truth_of, write_truth
 from fitting_core.render.rasterize import rasterize
 from fitting_core.shipped import FREE_FOLDER
@@ -146,30 +145,9 @@ _DEPTH_SCALE = 0.5
 100 % of the body's are told as with a whole one, in 0.6 times the time (simple_2 and complex_1)."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Level:
-    """How hard the detections are."""
-
-    detector: Detector
-    mishaps: Mishaps
-
-
-LEVELS = {
-    "clean": Level(
-        detector=Detector(noise=0.2, confidence=1.1, hidden=0.0), mishaps=Mishaps(chance=0.0, seconds=(0.0, 0.0))
-    ),
-    "normal": Level(
-        detector=Detector(noise=1.4, confidence=0.9, guess=14.0, lost=0.35, bias=2.0),
-        mishaps=Mishaps(chance=0.5, seconds=(0.12, 0.36)),
-    ),
-    "hard": Level(
-        detector=Detector(noise=2.4, confidence=0.8, guess=24.0, lost=0.5, bias=3.0),
-        mishaps=Mishaps(chance=0.9, seconds=(0.28, 0.8)),
-    ),
-}
-"""By name, from easy to hard.
-
-Normal is set against OpenPose on the balancing clips."""
+DETECTOR = Detector(noise=1.4, confidence=0.9, guess=14.0, lost=0.35, bias=2.0)
+MISHAPS = Mishaps(chance=0.5, seconds=(0.12, 0.36))
+"""Set against OpenPose on the balancing clips."""
 
 MOTIONS: dict[str, Callable[[Build, float, np.random.Generator], tuple[Script, list[Hazard]]]] = {
     "simple": waving,
@@ -184,7 +162,6 @@ class SuiteClip:
     """A sequence as it is fitted, and the truth about it."""
 
     sequence: SuiteSequence
-    level: str
     clip: Clip
     truth: Truth
     body: BodyModel
@@ -193,19 +170,13 @@ class SuiteClip:
     """Where the camera stands; the world's floor is at y = 0."""
 
 
-def make_sequence(sequence: SuiteSequence, level: str = "normal", *, cached: bool = True) -> SuiteClip:
+def make_sequence(sequence: SuiteSequence, *, cached: bool = True) -> SuiteClip:
     """Make a sequence, or take its truth from the user's cache; detections are always made again.
 
     Args:
         sequence: One of SEQUENCES, or one of your own.
-        level: One of LEVELS.
         cached: Use the cache.
-
-    Raises:
-        InputError: There is no such level.
     """
-    if level not in LEVELS:
-        raise InputError(f"'{level}' is no level of the suite, expected one of {', '.join(LEVELS)}.")
     body = subject_body(sequence.subject)
     truth = _cached_truth(sequence, body) if cached else make_truth(sequence, body)
     _, hazards = _script(sequence, body)
@@ -215,13 +186,12 @@ def make_sequence(sequence: SuiteSequence, level: str = "normal", *, cached: boo
         truth.exists,
         frame_rate=sequence.frame_rate,
         height=sequence.camera.size[1],
-        failures=failures(hazards, LEVELS[level].mishaps, np.random.default_rng([sequence.seed, 2])),
+        failures=failures(hazards, MISHAPS, np.random.default_rng([sequence.seed, 2])),
         rng=np.random.default_rng([sequence.seed, 3]),
-        detector=LEVELS[level].detector,
+        detector=DETECTOR,
     )
-    name = f"{sequence.name}_{level}"
-    clip = Clip(keypoints=keypoints, camera=truth.camera, frame_rate=sequence.frame_rate, name=name)
-    return SuiteClip(sequence=sequence, level=level, clip=clip, truth=truth, body=body, view=sequence.view)
+    clip = Clip(keypoints=keypoints, camera=truth.camera, frame_rate=sequence.frame_rate, name=sequence.name)
+    return SuiteClip(sequence=sequence, clip=clip, truth=truth, body=body, view=sequence.view)
 
 
 def subject_body(subject: Subject) -> BodyModel:

@@ -27,4 +27,4 @@ def test_subjects_are_held_out():
 def test_held_out_subjects_are_not_trained_on(shared_data: Path):
     clips, held = split(captured_motion(shared_data / "mocap"))
     assert {clip.subject for clip in held} == HELD
-    assert not HELD & {clip.subject for clip in clips} and len(clips) > 500
+    assert not HELD & {clip.subject for clip in clips} and any(clip.source == "cmu_expmap" for clip in clips)

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from build_assets.motion_capture.mocap import read_motions
-from build_assets.motion_capture.skeleton import SourceMotion
+from build_assets.motion_capture.mocap import SourceMotion, read_motions
 from fitting_core.errors import InputError
 from tests.build_assets.captured import (
     CMU_JOINTS,

@@ -9,11 +9,9 @@ import torch
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from build_assets.motion_capture.mocap import read_motions
-from build_assets.motion_capture.plausible import plausible
-from build_assets.motion_capture.retarget import load, mirrored, retarget
+from build_assets.motion_capture.mocap import SourceMotion, read_motions
+from build_assets.motion_capture.retarget import load, mirrored, plausible, retarget
 from build_assets.motion_capture.rigs import RIGS, SIDES
-from build_assets.motion_capture.skeleton import SourceMotion
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams

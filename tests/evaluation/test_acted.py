@@ -18,7 +18,6 @@ from tests.tcfit_app.cli.test_evaluate_command import fit_result, records_in
 pytestmark = pytest.mark.thorough
 
 WRONG = {
-    "level": (["--level", "worst"], "no worst"),
     "preset": (["--presets", "best"], "no best"),
     "sequence": (["--sequences", "dancing"], "no dancing"),
     "jobs": (["--jobs", "0"], "--jobs is 0"),
@@ -47,7 +46,7 @@ def short_suite(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         result = fit_result(truth.params)
         return replace(result, phases=result.phases[:1]) if config.last_phase == 1 else result
 
-    monkeypatch.setattr(suite_runs, "make_sequence", lambda sequence, level: cut)
+    monkeypatch.setattr(suite_runs, "make_sequence", lambda sequence: cut)
     monkeypatch.setattr(suite_runs, "fit_clip", fit)
     return fitted
 
@@ -59,7 +58,7 @@ def test_the_suite_is_not_fitted_twice(short_suite: list[str], tmp_path: Path, c
     assert [r["method"] for r in records_in(tmp_path)] == ["SMPLify-X", "tcfit, phase 1", "tcfit"]
     assert main(arguments) == 0 and len(short_suite) == 2
     assert main([*arguments, "--every", "1"]) == 0 and len(short_suite) == 2
-    (tmp_path / "fits/normal/tcfit/simple_1/fit.key").write_text("of older settings")
-    (tmp_path / "fits/normal/tcfit/simple_1/records.json").write_text("{broken")
+    (tmp_path / "fits/tcfit/simple_1/fit.key").write_text("of older settings")
+    (tmp_path / "fits/tcfit/simple_1/records.json").write_text("{broken")
     assert main(arguments) == 0 and len(short_suite) == 3
     assert "SMPLify-X" in capsys.readouterr().out

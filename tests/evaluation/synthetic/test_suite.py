@@ -14,7 +14,6 @@ from evaluation.synthetic.acting.script import Hazard, Mishaps, failures
 from evaluation.synthetic.studio.clothing import Outfit
 from evaluation.synthetic.studio.studio import Studio
 from evaluation.synthetic.suite import (
-    LEVELS,
     SEQUENCES,
     SuiteClip,
     SuiteSequence,
@@ -37,14 +36,8 @@ def small(sequence: SuiteSequence, rate: float = 5.0) -> SuiteSequence:
 
 
 @lru_cache
-def made(sequence: SuiteSequence, level: str) -> SuiteClip:
-    clip = _made_truth(sequence)
-    return clip if level == "normal" else make_sequence(sequence, level, cached=False)
-
-
-@lru_cache
-def _made_truth(sequence: SuiteSequence) -> SuiteClip:
-    return make_sequence(sequence, "normal", cached=False)
+def made(sequence: SuiteSequence) -> SuiteClip:
+    return make_sequence(sequence, cached=False)
 
 
 @lru_cache
@@ -113,7 +106,7 @@ def test_what_stands_on_the_floor_does_not_slide() -> None:
 
 
 def test_the_truth_is_what_the_camera_sees() -> None:
-    clip = made(small(SIMPLE), "normal")
+    clip = made(small(SIMPLE))
     assert clip.clip.camera == clip.truth.camera == clip.sequence.camera and clip.truth.camera.size == (180, 240)
     assert len(clip.clip) == len(clip.truth.params) == clip.sequence.frames
     hip = clip.truth.joints[:, JOINT["left_hip"]]
@@ -129,29 +122,11 @@ def test_the_truth_is_what_the_camera_sees() -> None:
 
 def test_the_same_seed_gives_the_same_and_another_seed_another() -> None:
     sequence = small(SIMPLE, rate=2.0)
-    first, second = (make_sequence(sequence, "hard", cached=False) for _ in range(2))
+    first, second = (make_sequence(sequence, cached=False) for _ in range(2))
     np.testing.assert_array_equal(first.clip.keypoints.xy, second.clip.keypoints.xy)
     np.testing.assert_array_equal(first.truth.joints, second.truth.joints)
-    other = make_sequence(replace(sequence, seed=7), "hard", cached=False)
+    other = make_sequence(replace(sequence, seed=7), cached=False)
     assert not np.array_equal(other.truth.joints, first.truth.joints)
-
-
-def test_levels_differ_in_the_detections_and_not_in_the_truth() -> None:
-    clips = [made(small(COMPLEX), level) for level in LEVELS]
-    for clip in clips[1:]:
-        np.testing.assert_array_equal(clip.truth.joints, clips[0].truth.joints)
-        np.testing.assert_array_equal(clip.truth.visible, clips[0].truth.visible)
-    medians = [np.median(body_errors(clip)) for clip in clips]
-    tails = [np.percentile(body_errors(clip), 95) for clip in clips]
-    assert medians[1] > 3 * medians[0] and medians[2] > 1.4 * medians[1]
-    assert tails[1] > 3 * tails[0] and tails[2] > 1.4 * tails[1]
-
-
-def test_clean_detections_are_what_is_in_view_and_nearly_exact() -> None:
-    clip = made(small(COMPLEX), "clean")
-    seen, confidence = clip.truth.visible[:, BODY], clip.clip.keypoints.confidence[:, BODY]
-    assert confidence[seen].min() > 0.2 and (confidence[~seen] < 0.6).all() and (confidence[~seen] == 0).mean() > 0.5
-    assert np.median(body_errors(clip)) < 0.2  # of 240 pixels
 
 
 def test_the_truth_is_cached_and_the_same_from_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
