@@ -1,10 +1,11 @@
 """The worker's reports to the drawing loop, and messages for users."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from fitting_core.body.params import BodyParams
-from fitting_core.fit.events import FitEvent
+from fitting_core.fit.events import FitEvent, FramesFitted, PhaseStarted
+from tcfit_app.fitting.fit_progress import FitProgress
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,21 +18,6 @@ class Notice:
 
 
 @dataclass(frozen=True, kw_only=True)
-class JobProgress:
-    """The progress of a running job."""
-
-    job: int
-    phrase: str
-    """What is being done, as in `FitProgress`."""
-    fraction: float
-    """Of the whole job, 0 to 1; never decreases."""
-    elapsed: float
-    """Working seconds, without pauses."""
-    remaining: float | None
-    """Estimated working seconds left; None: unknown."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class JobStarted:
     """A job left the queue."""
 
@@ -40,10 +26,12 @@ class JobStarted:
 
 @dataclass(frozen=True, kw_only=True)
 class JobReported:
-    """A phase started or finished, or frames became final."""
+    """A job's fit goes on."""
 
     job: int
     event: FitEvent
+    worked: float
+    """Seconds that the job has worked, without pauses."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,4 +76,37 @@ class ErrandEnded:
     """Why it failed, as in JobEnded; empty if it did not."""
 
 
-Report = JobProgress | JobStarted | JobReported | JobEnded | DragMoved | DragEnded | ErrandEnded
+Report = JobStarted | JobReported | JobEnded | DragMoved | DragEnded | ErrandEnded
+
+
+@dataclass(kw_only=True)
+class RunningJob:
+    """A job from its submission until its end, as its reports describe it."""
+
+    number: int
+    run: int | None
+    """The run that it fits; None: it follows edits."""
+    follows: int | None = None
+    """The run whose edits it follows."""
+    title: str
+    phases: tuple[int, ...]
+    started: bool = False
+    phase: int | None = None
+    progress: FitProgress | None = None
+    """None: it is starting."""
+    windows: list[range] = field(default_factory=list)
+    """Frames already fitted in the running phase."""
+    outcome: Literal["", "finished", "cancelled", "failed"] = ""
+    """Empty: it has not ended."""
+    reason: str = ""
+    """Why it failed."""
+
+    def take(self, event: FitEvent, worked: float) -> None:
+        """Update from an event of its fit; `worked` as in `JobReported`."""
+        self.progress = self.progress or FitProgress(self.phases)
+        self.progress.take(event, worked)
+        if isinstance(event, PhaseStarted):
+            self.phase = event.phase
+            self.windows.clear()
+        elif isinstance(event, FramesFitted):
+            self.windows.append(event.frames)

@@ -4,6 +4,7 @@ import ctypes
 import logging
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import closing
@@ -15,10 +16,9 @@ import numpy as np
 import torch
 
 from fitting_core.errors import InputError
-from fitting_core.fit.events import Finished, FitEvent, FramesFitted, Iteration, PhaseFinished
+from fitting_core.fit.events import Finished, FitEvent, FramesFitted, PhaseFinished
 from fitting_core.fit.fitting import Refit
 from fitting_core.results.fit_result import FitResult
-from tcfit_app.fitting.job_progress import JobClock
 from tcfit_app.fitting.jobs import Job
 from tcfit_app.fitting.live import Correction, LiveCorrection, Target
 from tcfit_app.fitting.reports import DragEnded, DragMoved, ErrandEnded, JobEnded, JobReported, JobStarted, Report
@@ -210,17 +210,18 @@ class Worker:
         give_back()
 
     def _outcome(self, number: int, job: Job) -> JobEnded:
-        clock = JobClock(number, job)
+        worked = 0.0
         with closing(job.run()) as events:
             while self._may_go_on():
+                begin = time.perf_counter()
                 try:
-                    with clock.working():
-                        event = next(events)
+                    event = next(events)
                 except StopIteration as stop:
                     outcome = stop.value
                     break
+                worked += time.perf_counter() - begin
                 if event is not None:
-                    self._pass_on(number, job, event, clock)
+                    self._pass_on(number, job, event, worked)
             else:
                 return JobEnded(job=number, how="cancelled")
         # Not within the handler: if storing failed, the log would show the whole result as the cause.
@@ -233,15 +234,11 @@ class Worker:
             self._follow_drags()
         return not (self._closing or self._cancelled)
 
-    def _pass_on(self, number: int, job: Job, event: FitEvent, clock: JobClock) -> None:
-        clock.take(event)
-        if isinstance(event, Iteration):
-            self._report(clock.progress)
-            return
+    def _pass_on(self, number: int, job: Job, event: FitEvent, worked: float) -> None:
         if isinstance(event, PhaseFinished | FramesFitted):
             self._sink.keep(job, event)
         if not isinstance(event, Finished):  # reported as the outcome
-            self._report(JobReported(job=number, event=event))
+            self._report(JobReported(job=number, event=event, worked=worked))
 
     def _follow_drags(self) -> None:
         """Take a step for each drag in turn, until they have ended or their pointers have rested for a while."""

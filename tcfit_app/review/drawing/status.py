@@ -12,7 +12,7 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import BODY, NAMES
 from tcfit_app.analysis.body_regions import spoken
 from tcfit_app.fitting.fit_progress import in_words
-from tcfit_app.fitting.job_progress import RunningJob
+from tcfit_app.fitting.reports import RunningJob
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.review.browser.page_states import Chip, Chips, Notice
 from tcfit_app.review.gestures.actions import Gestures

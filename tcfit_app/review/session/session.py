@@ -12,24 +12,22 @@ from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
-from fitting_core.fit.events import FramesFitted, PhaseStarted
 from fitting_core.io.cameras.reading import CameraFile, read_camera
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.fitting.edit_follower import EditFollower
 from tcfit_app.fitting.fits import FitChoice, Fits, Shown
-from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames, RunJob
 from tcfit_app.fitting.reports import (
     DragEnded,
     DragMoved,
     ErrandEnded,
     JobEnded,
-    JobProgress,
     JobReported,
     JobStarted,
     Notice,
     Report,
+    RunningJob,
 )
 from tcfit_app.fitting.worker import LiveDrag, Worker
 from tcfit_app.imports.elan import ElanNotes, notes_of
@@ -490,16 +488,10 @@ class Session:
         job = self.jobs.get(report.job)
         if job is None:
             return
-        if isinstance(report, JobProgress):
-            job.take(report)
-        elif isinstance(report, JobStarted):
+        if isinstance(report, JobStarted):
             job.started = True
         elif isinstance(report, JobReported):
-            if isinstance(report.event, PhaseStarted):
-                job.phase = report.event.phase
-                job.windows.clear()
-            elif isinstance(report.event, FramesFitted):
-                job.windows.append(report.event.frames)
+            job.take(report.event, report.worked)
         else:
             self._take_end(job, report)
 

@@ -31,10 +31,10 @@ from tcfit_app.fitting.reports import (
     DragEnded,
     DragMoved,
     JobEnded,
-    JobProgress,
     JobReported,
     JobStarted,
     Report,
+    RunningJob,
 )
 from tcfit_app.fitting.worker import LiveDrag, Worker
 from tests.samples import sessions
@@ -129,14 +129,12 @@ class Reader:
 
     source: SimpleQueue[Report]
     reports: list[Report] = field(default_factory=list)
-    progress: list[JobProgress] = field(default_factory=list)
     moved: list[DragMoved] = field(default_factory=list)
 
     def look(self) -> "Reader":
         while not self.source.empty():
             report = self.source.get()
-            kinds = {JobProgress: self.progress, DragMoved: self.moved}
-            kinds.get(type(report), self.reports).append(report)
+            (self.moved if isinstance(report, DragMoved) else self.reports).append(report)
         return self
 
     def of(self, *kinds: Kind) -> list[Any]:
@@ -201,10 +199,14 @@ def test_a_whole_fit_reports_keeps_and_returns_what_the_core_gives(
 def test_progress_has_one_fraction_phrase_and_time(worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel):
     worker.submit(FitEverything(clip=clip, body=tiny_body, config=CONVERGED))
     until(lambda: reader.of(JobEnded))
-    progress = reader.progress
-    assert list(dict.fromkeys(p.phrase for p in progress)) == ["first pass", "one shape", "final fit"]
-    for before, after in pairwise(progress):
-        assert before.fraction <= after.fraction and before.elapsed < after.elapsed
+    job, shown = RunningJob(number=1, run=1, title="", phases=(1, 2, 3)), []
+    for report in reader.of(JobReported):
+        job.take(report.event, report.worked)
+        assert job.progress is not None
+        shown.append((job.progress.phrase, job.progress.fraction, job.progress.elapsed))
+    assert list(dict.fromkeys(phrase for phrase, _, _ in shown)) == ["first pass", "one shape", "final fit"]
+    for before, after in pairwise(shown):
+        assert before[1] <= after[1] and before[2] < after[2]
 
 
 def test_a_rerun_of_windows_is_one_after_the_other(
@@ -293,9 +295,9 @@ def test_a_drag_holds_a_job_between_iterations_and_does_not_count(
     assert job.done == held
     drag.abandon()
     until(lambda: job.done > held)
-    reader.progress.clear()
-    until(lambda: reader.look().progress)
-    assert 0 < reader.progress[-1].elapsed < time.perf_counter() - begin - 0.3
+    reader.reports.clear()
+    (last, *_) = reader.wait(JobReported)
+    assert 0 < last.worked < time.perf_counter() - begin - 0.3
     worker.cancel()
     reader.wait(JobCancelled)
 

@@ -26,9 +26,8 @@ from fitting_core.results.given_start import GivenStart
 from tcfit_app.fitting import edit_follower, live, worker
 from tcfit_app.fitting import fits as fits_module
 from tcfit_app.fitting.fits import FitChoice, Shown
-from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.fitting.jobs import Job, RerunFrames, around
-from tcfit_app.fitting.reports import DragEnded, JobEnded
+from tcfit_app.fitting.reports import DragEnded, JobEnded, RunningJob
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge, SetDepth
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source

@@ -9,7 +9,7 @@ import viser
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fit_progress import time_left
 from tcfit_app.fitting.fits import Shown
-from tcfit_app.fitting.job_progress import RunningJob
+from tcfit_app.fitting.reports import RunningJob
 from tcfit_app.project.frame_words import numbers
 from tcfit_app.project.storage.run_record import Given
 from tcfit_app.review.drawing.status import duration

@@ -8,7 +8,7 @@ from fitting_core.config.settings import value_of
 from fitting_core.errors import InputError
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting.fits import own_phases
-from tcfit_app.fitting.job_progress import RunningJob
+from tcfit_app.fitting.reports import RunningJob
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.run_record import Run, RunState
 from tcfit_app.review.drawing.status import duration

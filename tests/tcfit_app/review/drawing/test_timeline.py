@@ -7,7 +7,7 @@ import numpy as np
 from fitting_core.keypoints import INDEX
 from fitting_core.results.provenance import Provenance
 from tcfit_app.analysis.suspicion import Suspect
-from tcfit_app.fitting.job_progress import RunningJob
+from tcfit_app.fitting.reports import RunningJob
 from tcfit_app.review.drawing.timeline import fit_spans, keyframes, origins, suspicions
 
 
