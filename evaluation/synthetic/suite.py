@@ -142,7 +142,7 @@ SEQUENCES: dict[str, SuiteSequence] = {
 
 _DEPTH_SCALE = 0.5
 """Of the depth buffer that tells what is hidden, against the image. At a half, 98 to 99 % of all points and 99.4 to
-100 % of the body's are told as with a whole one, in 0.6 times the time (simple_2 and complex_1)."""
+100 % of the body's are the same as with a whole one, in 0.6 times the time (simple_2 and complex_1)."""
 
 
 DETECTOR = Detector(noise=1.4, confidence=0.9, guess=14.0, lost=0.35, bias=2.0)
