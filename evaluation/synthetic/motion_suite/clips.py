@@ -111,7 +111,9 @@ def _cast(windows: list[MotionWindow], half: str) -> Iterator[MotionSequence]:
         elevation = float(rng.uniform(*_ELEVATIONS[above]))
         shot = Shot(
             azimuth=float(rng.uniform(*_AZIMUTHS[around])),
-            elevation=abs(elevation) if window.kind == "floor" else elevation,  # a camera below the floor would see nothing
+            elevation=abs(elevation)
+            if window.kind == "floor"
+            else elevation,  # a camera below the floor would see nothing
             lens=lenses[i],
             size=_SIZES[0] if window.kind in _WHOLE_ONLY else sizes[i],
             cut="whole" if window.kind in _WHOLE_ONLY else next(cuts),

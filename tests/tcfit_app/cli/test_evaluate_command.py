@@ -206,19 +206,6 @@ def _told(capsys: pytest.CaptureFixture) -> str:
     return capsys.readouterr().err
 
 
-def test_points_between_frames_are_interpolated(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
-    """50 per second beside 30: nearest frames would be up to 10 ms off."""
-    seconds = np.arange(0, 2, 1 / laboratory.RATE)
-    result = acted(tmp_path, free_body, seconds)
-    names, places = laboratory.places_of(free_body, np.arange(0, 2, 1 / 50), "joints")
-    np.savez(tmp_path / "points.npz", points=places, names=np.array(names), fps=50.0)
-    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out")]
-    assert main([*arguments, "--reference", str(tmp_path / "points.npz")]) == 0
-    (record,) = records_in(tmp_path / "out")
-    assert float(record["pa_mpjpe_mean [mm]"]) < 0.1
-    assert "Its 50 frames per second are interpolated to the fit's 30." in _told(capsys)
-
-
 def test_other_systems_are_judged_beside_the_fit(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
     """In a laboratory's world, at another rate: each by its form, in the same frames, and in no record of its own."""
     seconds = np.arange(0, 2, 1 / laboratory.RATE)

@@ -31,15 +31,6 @@ def test_the_project_has_the_clip(
         assert project.clip.name == "wave" and len(project.clip) == FRAMES
 
 
-def test_the_project_keeps_the_height(clip_arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    folder = tmp_path / "a.tcfit"
-    assert main(["new", *clip_arguments, "--out", str(folder), "--height", "1.72"]) == 2
-    assert "--height: height is 1.72; expected 50 to 250" in capsys.readouterr().err and not folder.exists()
-    assert main(["new", *clip_arguments, "--out", str(folder), "--height", "172"]) == 0
-    with Project.open(folder) as project:
-        assert project.height == 172
-
-
 def test_images_are_linked_or_copied(keypoint_folder: Path, tmp_path: Path):
     images = tmp_path / "images"
     images.mkdir()

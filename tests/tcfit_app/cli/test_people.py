@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import msgspec
 import numpy as np
 import pytest
 import torch
@@ -18,7 +17,7 @@ from fitting_core.camera import project
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent
 from fitting_core.io.motion.smplx_npz import read_smplx_npz
-from fitting_core.io.people_file import read_people_file, write_people_file
+from fitting_core.io.people_file import read_people_file
 from fitting_core.io.result_files import read_fit
 from fitting_core.keypoints import BODY
 from tcfit_app.cli import fit_command
@@ -109,19 +108,6 @@ def test_the_export_of_everybody(fitted: Path, tmp_path: Path, capsys: pytest.Ca
     # Who has gone by then is left out.
     assert main(["export", str(fitted), "--out", str(tmp_path / "c"), "--formats", "npz", "--frames", "5"]) == 0
     assert [path.name for path in (tmp_path / "c").iterdir()] == ["talk person 2.smplx.npz"]
-
-
-def test_whose_file_it_is_can_be_told(fitted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    folder, out = tmp_path / "talk", tmp_path / "files"
-    shutil.copytree(fitted, folder)
-    file = read_people_file(folder)
-    people = (msgspec.structs.replace(one, name=f"A{k}b") for one, k in zip(file.people, "/:", strict=True))
-    write_people_file(folder, msgspec.structs.replace(file, people=tuple(people)))
-    assert main(["export", str(folder), "--out", str(out), "--formats", "npz"]) == 2
-    assert "would be the file of two people" in capsys.readouterr().err and not out.exists()
-    shutil.rmtree(folder / "person-2")
-    assert main(["export", str(folder), "--out", str(out), "--formats", "npz"]) == 2
-    assert "person-2: is not there. Put it back" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", [["import"]])

@@ -34,7 +34,6 @@ from tcfit_app.imports.results import ImportChoices, import_run
 from tcfit_app.project.project import Project
 from tcfit_app.review.panels.compare_panel import ComparePanel
 from tcfit_app.review.panels.runs.runs_panel import RunsPanel
-from tcfit_app.review.panels.view_panel import ViewPanel
 from tests.drivers.lone_page import LonePage, tiny_page
 from tests.fitting_core.priors.networks import random_latents, random_network
 from tests.samples.project_samples import CAMERA, FRAMES, sample_clip, sample_params
@@ -220,27 +219,6 @@ def test_a_path_becomes_a_run_that_can_be_shown_as_a(tested: LonePage, tmp_path:
     assert session.edit_follower.begin_drag(imported, 0, (4,), np.zeros((1, 2))) is None
 
 
-def test_the_page_lives_while_a_result_is_read(
-    tested: LonePage, tmp_path: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
-):
-    gate, read = threading.Event(), importing.read_motion
-
-    def slowly(*args: Any, **named: Any) -> ImportedMotion:
-        assert gate.wait(60)
-        return read(*args, **named)
-
-    monkeypatch.setattr(importing, "read_motion", slowly)
-    tested.field("Path").value = str(small_results(tmp_path / "theirs", tiny_body))
-    tested.click("Import")
-    tested.until(lambda: tested.button("Reading").disabled)
-    assert not tested.page.tab.buttons.find("import.path", "")
-    assert tested.page.tab.session.fits.runs == ()
-    gate.set()
-    tested.settle()
-    session = tested.page.tab.session
-    assert [run.name for run in session.fits.runs] == ["theirs"] and not tested.button("Import").disabled
-
-
 def test_an_import_ends_with_its_tab(
     tested: LonePage, tmp_path: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
 ):
@@ -321,16 +299,3 @@ def test_an_imported_run_is_compared_and_searched_like_any_other(
         assert figures["seconds"] is None and "theirs" in tested.html()
         assert "Something went wrong" not in str(tested.notices)
         tested.until(lambda: tested.page.tab.data.suspects(shown) is not None)
-
-
-def test_an_imported_run_has_no_phases_to_choose(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel):
-    with tiny_page(panel_server, tmp_path / "clip.tcfit", tiny_body, ViewPanel) as tested:
-        session = tested.page.tab.session
-        folder = small_results(tmp_path / "theirs", tiny_body)
-        run = import_run(session.project, OneBody(tiny_body), folder, name="theirs")
-        tested.draw()
-        assert "runs.phase" not in tested.html()
-        tested.page.tab.set(a=FitChoice(run=run.id, phase=1))
-        tested.until(lambda: tested.page.tab.look().a)
-        shown = tested.page.tab.look().a
-        assert shown is not None and shown.title == "theirs"
