@@ -12,7 +12,7 @@ from fitting_core.files.regular import StrPath, regular_file
 from fitting_core.io.added_readers import read_added_keypoints, read_added_motion
 from fitting_core.io.keypoints.coco_wholebody import folder_holds_coco, holds_coco
 from fitting_core.io.keypoints.json_points import first_bytes, is_json
-from fitting_core.io.keypoints.openpose import holds_people
+from fitting_core.io.keypoints.openpose import is_openpose_json
 from fitting_core.io.keypoints.pose_binary import starts_as_pose
 
 if TYPE_CHECKING:  # keypoints are read without torch
@@ -20,8 +20,8 @@ if TYPE_CHECKING:  # keypoints are read without torch
     from fitting_core.io.motion.smplifyx import Decode
 
 
-def _holds_people(path: Path, start: bytes) -> bool:
-    return path.is_dir() or path.name.endswith("_keypoints.json") or (is_json(start) and holds_people(start))
+def _is_openpose(path: Path, start: bytes) -> bool:
+    return path.is_dir() or path.name.endswith("_keypoints.json") or (is_json(start) and is_openpose_json(start))
 
 
 def _holds_coco(path: Path, start: bytes) -> bool:
@@ -34,7 +34,7 @@ def _holds_pose(path: Path, start: bytes) -> bool:
 
 READERS: dict[Callable[[Path, bytes], bool], str] = {
     _holds_coco: "fitting_core.io.keypoints.coco_wholebody:read_coco_wholebody",
-    _holds_people: "fitting_core.io.keypoints.openpose:read_openpose",
+    _is_openpose: "fitting_core.io.keypoints.openpose:read_openpose",
     _holds_pose: "fitting_core.io.keypoints.pose_file:read_pose",
 }
 """Recognises a format by the path and its first bytes (empty for a folder) -> the function Path -> Detections.

@@ -17,7 +17,7 @@ from fitting_core.measure.hands.phases import wrist_speed
 from fitting_core.results.error_bars import ANGLES
 from tcfit_app.analysis.body_regions import REGIONS
 from tcfit_app.analysis.posed_fit import PosedFit
-from tcfit_app.analysis.seen import seen_joints, told
+from tcfit_app.analysis.seen import evident, seen_joints
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,7 +50,7 @@ class CurveKind:
 
     def unseen(self, fit: PosedFit) -> Bool[np.ndarray, "T"]:
         """Frames in which keypoints do not show what it measures."""
-        seen = seen_joints(told(fit.clip.keypoints))
+        seen = seen_joints(evident(fit.clip.keypoints))
         seen = seen[:, [JOINT[name] for name in self.moved_by]].all(1) if self.moved_by else seen.any(1)
         return np.asarray(~seen)
 

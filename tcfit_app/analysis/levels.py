@@ -11,7 +11,7 @@ from fitting_core.body.geometry import SIDES
 from fitting_core.frame_runs import runs_where
 from fitting_core.measure.hands.phases import HOLD, MOVEMENT, REST, hand_phases
 from tcfit_app.analysis.posed_fit import PosedFit
-from tcfit_app.analysis.seen import told
+from tcfit_app.analysis.seen import evident
 
 LevelSpans = tuple[tuple[tuple[tuple[int, int], ...], ...], ...]
 """For each part and each level, the first and last frames of the spans that have it."""
@@ -34,7 +34,7 @@ _PHASES = (REST, HOLD, MOVEMENT)
 
 def _hand_phases(fit: PosedFit) -> Float[np.ndarray, "T 2"]:
     levels = np.full((len(fit), len(SIDES)), np.nan)
-    seen = told(fit.clip.keypoints)
+    seen = evident(fit.clip.keypoints)
     for i, side in enumerate(SIDES):
         for span in hand_phases(fit.joints, side, fit.clip.frame_rate):
             levels[span.frames.start : span.frames.stop, i] = _PHASES.index(span.label)

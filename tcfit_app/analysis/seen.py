@@ -33,8 +33,8 @@ for _i, _joint in enumerate(JOINTS):
     _SHOWN_BY[_i, list(_shown_by(_joint))] = 1
 
 
-def told(keypoints: kp.Keypoints) -> Bool[np.ndarray, "T 137"]:
-    """Which keypoints count, or need not because the hand's shape was given."""
+def evident(keypoints: kp.Keypoints) -> Bool[np.ndarray, "T 137"]:
+    """Which keypoints show their part of the body: those that count, and those of hands with a given shape."""
     return (keypoints.confidence > 0) | keypoints.overruled
 
 
@@ -42,7 +42,7 @@ def seen_joints(present: Bool[np.ndarray, "*T 137"]) -> Bool[np.ndarray, "*T 55"
     """Whether what each joint of the body model moves is seen: the forearm, for an elbow.
 
     Args:
-        present: See `told`.
+        present: See `evident`.
     """
     return present.astype(np.float32) @ _SHOWN_BY.T > 0
 

@@ -346,7 +346,7 @@ class Fits:
             self.publish(run.id, replace(fit, phases=kept, config=run.config), partial)
 
     def resume(self, run: int, frames: FitResult) -> None:
-        """A run goes on that ended in phase 1, with these frames."""
+        """Continue a run that ended in phase 1, from these frames."""
         self._put(run, None, frames.camera, _Partial.of(frames))
 
     def end(self, run: int, state: Ended, message: str = "") -> None:
@@ -415,5 +415,5 @@ class Fits:
         if fit is None or preview or found.phase != 1 or time.monotonic() - since < KEPT_EVERY:
             return
         self._partly_stored[job.run_id] = time.monotonic()
-        with suppress(InputError):  # a full disk: the fit goes on
+        with suppress(InputError):  # a full disk: the fit continues
             self._project.runs.store_partial(job.run_id, partial.stored(fit, camera))

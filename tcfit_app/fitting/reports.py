@@ -26,7 +26,7 @@ class JobStarted:
 
 @dataclass(frozen=True, kw_only=True)
 class JobReported:
-    """A job's fit goes on."""
+    """An event of a job's fit."""
 
     job: int
     event: FitEvent

@@ -80,7 +80,7 @@ class ReviewApp:
         self._pages: dict[int, dict[int, Page]] = {}
         """By client: the pages of everyone it has shown, by their numbers."""
         self.viewers: dict[int, str] = {}
-        """By client: the names of the users who have it open, as far as the server of several apps has told."""
+        """By client: the names of the users who have it open, if the server of several apps reports them."""
         self.left = time.monotonic()
         """When the last of them left."""
         self._thread: threading.Thread | None = None
@@ -185,7 +185,7 @@ class ReviewApp:
 
     @property
     def busy(self) -> bool:
-        """Whether it has a viewer, or work goes on in it."""
+        """Whether it has a viewer, or is working."""
         sessions = [someone.session for someone in self.people]
         return bool(self.viewers) or any(one.jobs or one.tasks.busy or one.edit_follower.busy for one in sessions)
 

@@ -238,7 +238,7 @@ def _json_files(folder: Path) -> list[Path]:
     # macOS and network drives leave files that start with a dot beside the real ones.
     entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
     files = [entry for entry in entries if entry.name.lower().endswith(SUFFIX)] or [
-        entry for entry in json_files(folder) if holds_people(first_bytes(entry))
+        entry for entry in json_files(folder) if is_openpose_json(first_bytes(entry))
     ]
     if not files:
         names = sorted(entry.name for entry in entries)
@@ -250,7 +250,7 @@ def _json_files(folder: Path) -> list[Path]:
     return sorted(files, key=lambda file: natural_key(stem_of(file.name)))
 
 
-def holds_people(start: bytes) -> bool:
+def is_openpose_json(start: bytes) -> bool:
     """Whether a JSON file with this start is, or claims to be, one of OpenPose's."""
     return not start.strip() or (is_json(start) and b'"people"' in start)
 

@@ -129,7 +129,7 @@ class Corrected:
         return Corrected(records=read_only(self.records))
 
     @property
-    def told(self) -> Bool[np.ndarray, "F K"]:
+    def touched(self) -> Bool[np.ndarray, "F K"]:
         """A person has edited it in any way."""
         return self.edited | np.isfinite(self.depth) | self.locked
 

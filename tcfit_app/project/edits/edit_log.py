@@ -174,7 +174,7 @@ def decode(text: str | bytes) -> LogAction:
         ) from error
 
 
-Marking = Literal["told", "bad", "key"]
+Marking = Literal["touched", "bad", "key"]
 """A field of `Corrected`, shown per frame in the timeline."""
 
 

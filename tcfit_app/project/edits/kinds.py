@@ -188,10 +188,10 @@ class Interpolate(_Edit, frozen=True, tag="interpolate"):
     def change(self, here: Corrected, now: Corrected) -> None:
         ends = now.at((self.first, self.last), self.joints)
         share = (np.array(self.frames) - self.first)[:, None] / (self.last - self.first)
-        told = (1 - share) * ends.told_depth[0] + share * ends.told_depth[1]
+        depth = (1 - share) * ends.told_depth[0] + share * ends.told_depth[1]
         xy = (1 - share)[..., None] * ends.xy[0] + share[..., None] * ends.xy[1]
         in_both = np.logical_and(*ends.present)
-        np.copyto(here.depth, told, where=np.isfinite(told))
+        np.copyto(here.depth, depth, where=np.isfinite(depth))
         _place(here, xy, 1.0, where=in_both)
 
     def problem(self, length: int) -> str:

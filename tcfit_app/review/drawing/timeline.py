@@ -64,7 +64,7 @@ class Timeline:
         project, marks = self._tab.session.project, self._tab.session.project.marks.states()
         by_state = {state: [f for f, mark in marks.items() if mark == state] for state in ("flag", "checked")}
         return states.Marks(
-            edited=spans(project.marked("told")),
+            edited=spans(project.marked("touched")),
             bad=spans(project.marked("bad")),
             flagged=spans(by_state["flag"]),
             checked=spans(by_state["checked"]),
@@ -101,11 +101,11 @@ class Timeline:
         tab = self._tab
         fits = (tab.shown.a, tab.shown.b)
         shown = {fit.version: fit for fit in fits if fit is not None}
-        told = {(f.title, key): f.result.provenance for key, f in shown.items() if f.result is not None}
+        known = {(f.title, key): f.result.provenance for key, f in shown.items() if f.result is not None}
         found = tab.once(
             "provenance",
-            tuple(told),
-            lambda: tuple(origins(title, known) for (title, _), known in told.items() if known is not None),
+            tuple(known),
+            lambda: tuple(origins(title, own) for (title, _), own in known.items() if own is not None),
         )
         tab.channel.send("provenance", states.Provenance(fits=found) if found else None)
 

@@ -68,7 +68,7 @@ class CorrectingDepth:
         frames, shown = tab.frames_to_change, tab.look().b
         now = tab.state.frame
         if shown is None or not shown.has(now):
-            raise InputError("The rotation is taken from the fit on show, and there is none here: fit first.")
+            raise InputError("The rotation is copied from the fit, and this frame has none yet: fit first.")
         of_body = self._of_body(joints)
         pose = shown.params.body_pose[now].view(-1, 3)
         turns = (pose[JOINT[LOCKABLE[joint]] - JOINT["left_hip"]].tolist() for joint in of_body)
@@ -105,7 +105,7 @@ class CorrectingDepth:
         tab = self._tab
         shown, project = tab.look().b, tab.session.project
         if shown is None or not all(map(shown.has, frames)):
-            raise InputError("Depth is taken from the fit on show, and there is none here: fit first.")
+            raise InputError("Depth is measured in the fit, and this frame has none yet: fit first.")
         keypoints, params = project.clip.keypoints, shown.params[list(frames)]
         body = tab.session.bodies.of(shown.run.body)
         return SeenBody(

@@ -140,7 +140,7 @@ def _keypoints_in_words(joints: tuple[int, ...]) -> str:
 def _shape_in_words(edit: ShapeHand, first_frame: int) -> str:
     hand = next(side for side, joints in FINGER_JOINTS.items() if joints == edit.joints)
     if edit.shape is None:
-        return f"{hand} hand's shape taken off, {in_words(edit.frames, first_frame)}"
+        return f"{hand} hand's shape removed, {in_words(edit.frames, first_frame)}"
     lead = f", blended over {' and '.join(map(str, edit.blend))} frames" if any(edit.blend) else ""
     return f"{hand} hand {VERBS[ShapeHand]} {shortened(edit.name)}, {in_words(edit.whole, first_frame)}{lead}"
 

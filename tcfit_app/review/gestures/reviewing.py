@@ -105,7 +105,7 @@ class Reviewing:
         return "" if now.approved is None or now.altered else now.approved_by
 
     def approve(self) -> None:
-        """The clip is done, as it is now; or that is taken back. Raises InputError while there is no fit of it."""
+        """Approve the clip as it is now, or withdraw the approval. Raises InputError without a finished fit."""
         tab = self._tab
         project = tab.session.project
         if self.approved:
@@ -116,7 +116,7 @@ class Reviewing:
             raise InputError("The clip is being fitted: wait for that, look at it, and approve it then.")
         self.refuse_unfinished()
         project.review.approve(tab.reviewer)
-        tab.say(f"Approved by {tab.reviewer}. Shift+O takes it back")
+        tab.say(f"Approved by {tab.reviewer}. Shift+O withdraws it")
 
     def refuse_unfinished(self) -> None:
         """Raise InputError if no fit of the clip is finished."""
@@ -183,7 +183,7 @@ class Reviewing:
         tab.say(f"Looks fine{but}: {in_words(fine, tab.first_frame)}. Press O again to undo")
 
     def dismiss_listed(self) -> None:
-        """Mark all listed entries as fine, except for those with flagged frames; one undo takes that back."""
+        """Mark all listed entries as fine, except for those with flagged frames; one undo reverts it."""
         marks = self._tab.session.project.marks.all()
         flagged = {frame for frame, mark in marks.items() if mark.state == "flag"}
         found = [suspect for suspect in self.suspects or () if flagged.isdisjoint(suspect.frames)]

@@ -253,7 +253,7 @@ class Session:
 
     def find_and_fit(self, detector: str, config: FitConfig | None = None, *, person: int | None = None) -> None:
         """Start detecting keypoints in the video, and fit them as they are found. Raises InputError as `fit_everything`
-        and `KeypointSource.begin` do; nothing goes on then.
+        and `KeypointSource.begin` do; neither is running then.
 
         Args:
             detector: As in `KeypointSource.detect`.

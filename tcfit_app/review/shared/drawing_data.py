@@ -24,7 +24,7 @@ from tcfit_app.analysis.run_metrics import (
     reference_metrics,
     run_metrics,
 )
-from tcfit_app.analysis.seen import told
+from tcfit_app.analysis.seen import evident
 from tcfit_app.analysis.suspicion import ReviewQueue, Suspect, findings, review_queue, still_checked, worst_place
 from tcfit_app.fitting.edit_follower import LiveWindow
 from tcfit_app.fitting.fits import FitChoice, Shown, own_phases
@@ -199,9 +199,9 @@ class DrawingData:
         return float(joints_in_space(self.meshes(body.shown).body, body.params)[0, JOINT["pelvis"], 2])
 
     def present(self, frame: int) -> Bool[np.ndarray, "137"] | None:
-        """Keypoints that are `told` in a frame; None if the project has none, so that fits do not depend on them."""
+        """The `evident` keypoints of a frame; None if the project has none, so that fits do not depend on them."""
         project = self.session.project
-        return told(project.corrected[[frame]].keypoints())[0] if project.has_detections else None
+        return evident(project.corrected[[frame]].keypoints())[0] if project.has_detections else None
 
     def keypoints(self, body: FrameBody) -> Float[np.ndarray, "137 3"]:
         """A body's keypoints in camera space, metres, NaN for missing ones."""

@@ -5,7 +5,7 @@ import numpy as np
 from fitting_core import keypoints as kp
 from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT, JOINTS, BodyModel
-from tcfit_app.analysis.seen import FAINT, opacities, seen_joints, told, unseen_keypoints
+from tcfit_app.analysis.seen import FAINT, evident, opacities, seen_joints, unseen_keypoints
 
 
 def present(*hidden: str) -> np.ndarray:
@@ -40,7 +40,7 @@ def test_a_hand_that_was_given_a_shape_counts_as_seen():
     confidence[:, kp.LEFT_HAND] = 0
     turn = np.full((2, kp.COUNT, 3), np.nan)
     turn[1, kp.FINGER_JOINTS["left"]] = 0.1
-    found = told(kp.Keypoints(xy=np.zeros((2, kp.COUNT, 2)), confidence=confidence, turn=turn))
+    found = evident(kp.Keypoints(xy=np.zeros((2, kp.COUNT, 2)), confidence=confidence, turn=turn))
     assert "left_wrist" in unseen(found[0]) and unseen(found[1]) == set()
 
 

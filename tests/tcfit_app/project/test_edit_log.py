@@ -112,7 +112,7 @@ def test_what_was_handed_out_stays_as_it_was():
     history.add(entry(1, MoveKeypoint(frames=(0,), joints=(0,), xy=(((5.0, 5.0),),))))
     history.add(entry(2, MarkBad(frames=(0,), joints=(1,))))
     assert np.array_equal(before.xy, xy) and history.keypoints.xy[0, 0, 0] == 5
-    assert marks.bad[0, 1] and history.marked("bad") == [0] == history.marked("told"), "these follow"
+    assert marks.bad[0, 1] and history.marked("bad") == [0] == history.marked("touched"), "these follow"
     for array in (before.xy, before.confidence, marks.bad, history.keypoints.xy):
         with pytest.raises(ValueError, match="read-only"):
             array[0, 0] = 0

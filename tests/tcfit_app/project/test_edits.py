@@ -283,7 +283,7 @@ def test_a_hand_goes_over_into_its_shape_and_out_of_it(detected: Keypoints):
     edit = ShapeHand(frames=(1, 2, 3, 4), **where, shape=FIST, blend=(2, 1), before=FLAT, after=FLAT)
     assert edit.whole == (3,)
     history = after(detected, edit)
-    assert untouched(history, detected, [], []) and history.corrected.told.sum() == 4 * 15
+    assert untouched(history, detected, [], []) and history.corrected.touched.sum() == 4 * 15
     np.testing.assert_allclose(shaped(detected, edit), [np.nan, 7 / 27, 20 / 27, 1, 0.5, np.nan], atol=1e-6)
     free = ShapeHand(frames=(2, 3), joints=LEFT_FINGERS, name="", shape=None)
     assert np.isnan(shaped(detected, edit, free)).tolist() == [True, False, True, True, False, True]

@@ -81,7 +81,7 @@ def test_a_fist_is_put_on_and_the_fit_follows(tested: LonePage, tiny_body: BodyM
     tested.press("action", "undo")
     assert tab.session.project.clip.keypoints.turn is None
     tested.press("action", "redo")
-    assert tab.session.project.corrected.told[2:7, FINGER_JOINTS["right"]].all(), "marked in the timeline"
+    assert tab.session.project.corrected.touched[2:7, FINGER_JOINTS["right"]].all(), "marked in the timeline"
     hand = [RIGHT_HAND.start + HAND_21.index(name) for name in ("wrist", "index1", "index3", "index4")]
     for joint, given in zip(hand, (False, True, True, True), strict=True):
         tab.set(selection=(joint,))
@@ -132,7 +132,7 @@ def test_it_is_taken_off(tested: LonePage):
         tested.press("action", "free_hand")
     tested.press("action", "shape_claw")
     tested.press("action", "free_hand")
-    assert last_edit(tested).shape is None and tab.message[0] == "Saved: right hand's shape taken off, frame 4"
+    assert last_edit(tested).shape is None and tab.message[0] == "Saved: right hand's shape removed, frame 4"
     assert np.isfinite(tab.session.project.corrected.turn[..., 0]).any(0).sum() == 15, "the blends stay"
 
 
