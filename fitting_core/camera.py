@@ -30,9 +30,9 @@ class FocalFrom(StrEnum):
     FILE = "file"
     """A calibration."""
     PHOTOGRAPHS = "photographs"
-    """What the camera wrote into the images or the video."""
+    """Metadata of the images or the video."""
     ESTIMATED = "estimated"
-    """From what the person does in the clip."""
+    """Estimated from the person's motion in the clip."""
     DIAGONAL = "diagonal"
     """Unknown; the image diagonal is used."""
     PROGRAM = "program"
@@ -67,7 +67,7 @@ Matrix = tuple[Vector, Vector, Vector]
 COEFFICIENTS = (4, 5, 8, 12)
 """Numbers of coefficients that OpenCV's distortion has without tilted sensors."""
 _ROUNDED = 1e-3
-"""By so much R R^T may differ from the identity: files have rounded numbers."""
+"""Largest difference of R R^T from the identity: files have rounded numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,11 +191,11 @@ class Camera:
     lens: Lens | None = None
     """What bent the pictures as they were filmed; None for nothing. Keypoints and frames of a clip are straightened."""
     world: World | None = None
-    """Where the camera stands, as far as the user says it."""
+    """The camera's pose in the user's world; None if unknown."""
     path: CameraPath | None = None
-    """How it moves; None for a camera that stands still. Of as many frames as what it filmed."""
+    """Its path, one pose per frame of the clip; None if static."""
     notes: tuple[str, ...] = field(default=(), compare=False)
-    """What a user should know of how it was read: they go when the clip gets another camera."""
+    """Notes for the user on how it was read; dropped when the clip gets another camera."""
 
     def __getitem__(self, frames: slice | Sequence[int]) -> Camera:
         """Of some frames."""

@@ -25,7 +25,7 @@ class Clip:
     detector: str = ""
     """Detector of the keypoints, as named in `keypoint_noise.DETECTOR_TITLES`; empty if unknown."""
     notes: tuple[str, ...] = ()
-    """What a user should know about how the input was read: alignment, gaps, the person chosen."""
+    """Notes for the user on how the input was read: alignment, gaps, the selected person."""
     silhouettes: Silhouettes | None = None
     """Where a detector found them: of the images as they were filmed."""
     found_by: str = ""

@@ -37,13 +37,13 @@ class Detections:
     scale: str = PIXELS
     """PIXELS, UNIT, SIGNED, SHARES of the image's width and height, or "auto" where the file does not say it."""
     size: tuple[int, int] | None = None
-    """Image width and height in pixels, where the file tells them."""
+    """Image width and height in pixels; None if the file lacks them."""
     frame_rate: float | None = None
-    """Frames per second, where the file tells them."""
+    """Frames per second; None if the file lacks them."""
     detector: str = ""
     """The detector, as named in `keypoint_noise.DETECTOR_TITLES`; empty if unknown."""
     notes: tuple[str, ...] = ()
-    """What a user should know of how it was read."""
+    """Notes for the user on how it was read."""
 
     def __post_init__(self) -> None:
         assert len(self.frames) == len(self.stems) and all(f.shape[1:] == (137, 3) for f in self.frames)
@@ -76,7 +76,7 @@ class Detections:
 
 
 def numbering(stems: Sequence[str]) -> tuple[str, ...]:
-    """A note on the frames' numbers where they do not end the names of their files."""
+    """A note on frame numbers that are not at the end of the files' names."""
     numbers = frame_numbers(stems)
     if numbers is None or all(split_number(stem)[1] == number for stem, number in zip(stems, numbers, strict=True)):
         return ()

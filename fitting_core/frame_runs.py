@@ -1,4 +1,4 @@
-"""Runs of frames that follow each other, from their numbers or from what is true of each."""
+"""Runs of consecutive frames, from their numbers or from a condition per frame."""
 
 from collections.abc import Iterable
 

@@ -1,4 +1,4 @@
-"""What an image's border makes up: keypoints of parts that it cuts off."""
+"""Keypoints of parts that the image's border cuts off, which detectors place on the border."""
 
 import numpy as np
 from jaxtyping import Float, Int

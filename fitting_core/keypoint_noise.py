@@ -24,7 +24,7 @@ from fitting_core.keypoints import FACE, HANDS, NAMES
 
 OPENPOSE, MEDIAPIPE, COCO_WHOLEBODY = "openpose", "mediapipe", "coco-wholebody"
 DETECTOR_TITLES = {OPENPOSE: "OpenPose", MEDIAPIPE: "MediaPipe", COCO_WHOLEBODY: "COCO-WholeBody"}
-"""Detectors whose noise is known, and their titles."""
+"""Detectors with measured noise, and their titles."""
 
 NOISE: dict[str, dict[str, float]] = {
     OPENPOSE: {

@@ -1,4 +1,4 @@
-"""What a lens does to pictures, and how that is undone: keypoints and frames are straightened once, where they come in.
+"""Lens distortion and its inverse: keypoints and frames are straightened once, when they are read.
 
 Everything behind that sees a pinhole camera. The model is OpenCV's (docs.opencv.org, module calib3d), without tilted
 sensors: with x, y on the plane at distance 1 and r² = x² + y²,
@@ -115,7 +115,7 @@ class Straightener:
 
 
 def _reach(lens: Lens) -> float:
-    """Distance from the middle, on the plane at distance 1, up to which what lies farther out is filmed farther out.
+    """Largest radius (on z = 1) up to which the distortion is monotonic.
 
     Beyond it a polynomial comes back into the picture, as a ghost of its middle.
     """
@@ -127,7 +127,7 @@ def _reach(lens: Lens) -> float:
 
 
 def _within(at: Float[np.ndarray, "*n 2"], reach: float) -> Float[np.ndarray, "*n 2"]:
-    """Points brought nearer where they lie farther out than that."""
+    """Points with their radius limited to that."""
     return at * np.minimum(1.0, reach / np.maximum(np.linalg.norm(at, axis=-1, keepdims=True), 1e-9))
 
 

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from fitting_core.body.model import JOINT
 from fitting_core.keypoints import ERROR_GROUPS
 
-# --- points moved onto others: what a metric does not count is taken off first ---
+# --- alignment, for metrics that do not count the difference in place, rotation or size ---
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,7 +65,7 @@ def rooted(points: Float[np.ndarray, "T K 3"], roots: list[int]) -> Float[np.nda
     return points - points[:, roots].mean(1, keepdims=True)
 
 
-# --- how far points lie from where they should be ---
+# --- errors of points in space ---
 
 
 def point_error(estimate: Float[np.ndarray, "T K 3"], truth: Float[np.ndarray, "T K 3"]) -> Float[np.ndarray, "T"]:
@@ -93,7 +93,7 @@ def depth_error(estimate: Float[np.ndarray, "T K 3"], truth: Float[np.ndarray, "
     return 1e3 * (estimate - truth)[..., 2].mean(1)
 
 
-# --- how far projected points lie from where they were seen ---
+# --- reprojection errors ---
 
 
 def reprojection_errors(
@@ -136,7 +136,7 @@ def frame_means(
     return np.where(number > 0, errors.sum(1) / np.maximum(number, 1), np.nan)
 
 
-# --- how smoothly points move, by differences in time; where there are too few frames for one, it is 0 ---
+# --- smoothness, by differences in time; 0 with too few frames ---
 
 
 def jitter(points: Float[np.ndarray, "T K 3"]) -> float:
@@ -145,7 +145,7 @@ def jitter(points: Float[np.ndarray, "T K 3"]) -> float:
 
 
 def jerk(points: Float[np.ndarray, "T K 3"], frame_rate: float) -> float:
-    """Mean length of the third derivative, m/s^3: what the field calls jitter (points in metres, frames per second)."""
+    """Jitter: mean length of the third derivative, m/s^3 (points in metres, frames per second)."""
     return _mean_length(points, 3) * frame_rate**3
 
 
@@ -185,7 +185,7 @@ def _mean_length(points: np.ndarray, order: int) -> float:
     return float(np.linalg.norm(np.diff(points, order, axis=0), axis=-1).mean())
 
 
-# --- what should stay the same over a clip, and by how much it does not ---
+# --- variation of quantities that are constant over a clip ---
 
 
 def bone_length_variation(points: Float[np.ndarray, "T K 3"], bones: Sequence[tuple[int, int]]) -> float:
@@ -207,7 +207,7 @@ def shape_variation(betas: Float[np.ndarray, "T 10"]) -> float:
     return float(betas.std(0).mean())
 
 
-# --- how a body stands before the camera, for people who are known to be upright ---
+# --- posture of people who are known to be upright ---
 
 
 def torso_lean(joints: Float[np.ndarray, "T 55 3"]) -> Float[np.ndarray, "T"]:

@@ -1,4 +1,4 @@
-"""A fitted motion as it is handed to other programs: body, parameters, camera and time, in a stated world."""
+"""A fitted motion for export: body, parameters, camera and time, in a stated world."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -20,9 +20,9 @@ from fitting_core.ground.level import Level
 from fitting_core.results.error_bars import ErrorBars
 
 Progress = Callable[[float], None]
-"""Takes the share that is done, 0 to 1; what it raises ends the writing."""
+"""Receives the finished fraction, 0 to 1; an exception from it ends the writing."""
 CHUNK = 16
-"""Frames of which whole meshes are in memory at once."""
+"""Frames whose meshes are in memory at once."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +148,7 @@ class Motion:
 
     @property
     def camera_place(self) -> Float[np.ndarray, "*T 3"]:
-        """Where the camera is in the world, metres; of each frame where it moves.
+        """Position of the camera in the world, metres; one per frame if it moves.
 
         In an estimated world it begins above the origin, as high as it is above the floor.
         """
@@ -247,7 +247,7 @@ def rest_joints(body: BodyModel, params: BodyParams) -> Float[torch.Tensor, "T 5
 
 
 def stated(motion: Motion) -> dict[str, Any]:
-    """What every file says about the motion in it, as plain values."""
+    """Metadata of a motion for files, as plain values."""
     camera, body, level = motion.camera, motion.body, motion.level
     return {
         "name": motion.name,

@@ -1,4 +1,4 @@
-"""Plugins: what other installed packages add to tcfit's tables, by the entry points that Python packages declare.
+"""Plugins: additions of other installed packages to tcfit's tables, by entry points of Python packages.
 
 A table asks for its group when it is used, so nothing of a plugin is imported before. A fault is reported once,
 recorded in `faults`, and never stops tcfit, which continues without that plugin.
@@ -22,7 +22,7 @@ _REMOVED = {
     "tcfit.metrics": "tcfit no longer has metrics from plugins; compute them in an export (tcfit.exports), or from "
     "fit.npz in Python",
 }
-"""Groups of earlier versions, and what replaces them."""
+"""Groups of earlier versions, and their replacements."""
 
 FAILURES = (Exception, SystemExit)
 """Exceptions that are a plugin's fault; `sys.exit` is one too."""
@@ -57,7 +57,7 @@ class Plugin(Generic[Thing]):
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """What is wrong with a plugin."""
+    """Fault of a plugin."""
 
     group: str
     name: str
@@ -66,7 +66,7 @@ class Fault:
 
     @property
     def advice(self) -> str:
-        """What to do."""
+        """Advice."""
         return f"update the package {self.package}, tell its authors, or uninstall it; all else works"
 
     @property

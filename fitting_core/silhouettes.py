@@ -1,4 +1,4 @@
-"""What a person covers of each frame of a clip, small and packed."""
+"""Silhouettes of a person over a clip, at reduced size, packed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -54,7 +54,7 @@ def below(motion: Motion, moving: RigMotion) -> Float[np.ndarray, "3"]:
 
 
 def _floor(upright: Motion) -> float:
-    """Height of the floor: 0 where it is known; else that of the lowest joint in the first frame."""
+    """Height of the floor: 0 if known, otherwise that of the lowest joint in the first frame."""
     if upright.level is not None and upright.level.height is not None:
         return 0.0
     return float(upright[:1].joints()[0, :, 1].min())

@@ -43,7 +43,7 @@ class Morphs:
     weights: Float[np.ndarray, "T K"]
     """0 to 1, single precision."""
     units: tuple[float, ...]
-    """What a weight of 1 stands for; of an expression: of its component."""
+    """Size of a weight of 1; for an expression, in units of its component."""
 
 
 def expression_morphs(motion: Motion) -> Morphs:

@@ -75,7 +75,7 @@ class BodyModel:
     """
 
     kind: str
-    """"smplx", "smplh" or "smpl": what the file was."""
+    """Kind of the file: "smplx", "smplh" or "smpl"."""
     gender: str
     """"neutral", "male", "female" or "child"."""
     template: Float[np.ndarray, "V 3"]

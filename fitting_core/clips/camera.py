@@ -34,7 +34,7 @@ _MAX_CENTER = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class CameraGiven:
-    """What a user states about the camera, checked."""
+    """The user's options of the camera, checked."""
 
     file: CameraFile | None
     focal: tuple[str, float] | None

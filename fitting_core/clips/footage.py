@@ -1,4 +1,4 @@
-"""What is known about a clip's frames before its keypoints: from the video, from options, or guessed."""
+"""Size, rate and number of a clip's frames: from the video, from options, or guessed."""
 
 import os
 import shlex

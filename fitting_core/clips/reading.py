@@ -158,7 +158,7 @@ def _empty_shot(video: Path, images: Path, clip: ClipOptions, given: CameraGiven
 
 
 def _searched(shot: Shot, images: Path, detector: str | Detector, tell: Tell | None) -> Shot:
-    """The same clip with everybody that a detector finds."""
+    """The same clip with all people that a detector finds."""
     shot.given.camera(shot.size, shot.frames)  # report its errors before minutes of detection
     numbers = shot.frames.numbers
     found = find_keypoints(images, numbers, detector, tell or (lambda progress: None))
@@ -214,7 +214,7 @@ def read_clip(
 
 
 def read_footage(video: Path, *, clip: ClipOptions = ClipOptions(), camera: CameraOptions = CameraOptions()) -> Clip:
-    """Read a clip whose keypoints are yet to be made: nothing is detected in any frame.
+    """Read a clip without keypoints: nothing is detected in any frame.
 
     Args and errors as in `read_clip`; `clip`'s detector, person and keypoint scale are ignored.
     """

@@ -49,7 +49,7 @@ class FramesDetected:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Detected:
-    """Everybody in a clip."""
+    """All people of a clip."""
 
     people: tuple[Float[np.ndarray, "P 137 3"], ...]
     """Of each frame, its people in the order in which they were found: x, y in pixels and confidence."""
@@ -69,7 +69,7 @@ class Detected:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Detection:
-    """What is to be detected, and with what."""
+    """A detection to run: video, frames and detector."""
 
     source: FrameSource
     frames: range
@@ -86,11 +86,11 @@ class Detection:
         )
 
     def store(self) -> StoredDetection:
-        """Where its parts are kept for the user."""
+        """The user's cache of its parts."""
         return StoredDetection(self.settings())
 
     def events(self, store: StoredDetection) -> Generator[DetectionProgress | FramesDetected | Detected, None, None]:
-        """Detect, storing part by part; what was stored before is not done again. The last event is the result.
+        """Detect and store part by part; stored parts are not repeated. The last event is the result.
 
         The first progress says how much was stored before.
 
@@ -124,7 +124,7 @@ class Detection:
         return DetectionProgress(done=done, total=len(self.frames), kept=kept)
 
     def stored_parts(self, store: StoredDetection) -> Iterator[Part]:
-        """What is stored of it, from the first part on without a gap."""
+        """The stored parts, from the first one to the first gap."""
         for number, frames in enumerate(self._parts()):
             part = store.read(number)
             if part is None or len(part) != len(frames):

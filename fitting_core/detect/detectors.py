@@ -26,7 +26,7 @@ class Known:
     is_here: Callable[[], bool]
     """Whether everything that it needs is on this computer."""
     models: tuple[str, ...] = ()
-    """What it needs of `KNOWN_MODELS`."""
+    """Names of the required KNOWN_MODELS."""
 
     def lacking(self) -> list[KnownModel]:
         """Those of its known models that are not on this computer."""
@@ -42,7 +42,7 @@ class Running:
     provider: str = "cpu"
     """Or cuda, which needs onnxruntime-gpu."""
     batch: int = 8
-    """Frames that go through a model at once. What is found does not depend on it."""
+    """Frames in a model's batch; the result does not depend on it."""
     threads: int = 0
     """0: one for each core."""
 

@@ -37,7 +37,7 @@ class DownloadProgress:
 
     @property
     def share(self) -> float:
-        """0 to 1; 0 as long as it is not known."""
+        """0 to 1; 0 while unknown."""
         return self.done / self.total if self.total else 0.0
 
 
@@ -52,7 +52,7 @@ class Downloaded:
 
 
 def download_notice(model: KnownModel) -> str:
-    """What a user has to know before agreeing to a download."""
+    """Source, size and licence of a download, which the user confirms."""
     checksum = model.sha256 or "none is known; that of the first download is shown and remembered"
     return "\n".join(
         [
@@ -126,7 +126,7 @@ def _kept(url: str, part: Path) -> str:
 
 
 def _fetch(url: str, part: Path) -> Iterator[DownloadProgress]:
-    """Bring the file `part` to what the server has, from where it ends."""
+    """Complete the partial file from the server."""
     known, have = _state(part), _there(url, part)
     headers = {"User-Agent": "tcfit", "Accept-Encoding": "identity"}
     if have:
@@ -167,7 +167,7 @@ def _written(answer: http.client.HTTPResponse, part: Path, done: int, total: int
 
 
 def _installed(model: KnownModel, part: Path, folder: Path) -> Downloaded:
-    """Take the model out of what was fetched, check it, and put it in its place."""
+    """Extract the model from the download, check it, and install it."""
     target = model_path(model.name, folder)
     expected = model.sha256 or pinned(model.name, folder)
     with replacing(target) as draft:

@@ -1,4 +1,4 @@
-"""Keypoints that tcfit finds in a video itself, as what a reader of keypoint files returns."""
+"""Keypoints found by tcfit in a video, in the form that readers of keypoint files return."""
 
 from collections.abc import Callable, Sequence
 from contextlib import closing
@@ -53,7 +53,7 @@ def with_somebody(found: Detected, video: Path) -> Detected:
 
 
 def found_detections(found: Detected, video: Path) -> Detections:
-    """Everybody, frame by frame; frames are named by their numbers in the video."""
+    """All people, frame by frame; frames are named by their numbers in the video."""
     return Detections(
         frames=found.people,
         stems=tuple(f"{video.stem}_{frame:012}" for frame in found.frames),

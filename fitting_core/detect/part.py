@@ -1,4 +1,4 @@
-"""What every detector finds in some frames that follow each other, and what a detector is."""
+"""The interface of detectors, and their result for consecutive frames."""
 
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # OpenCV would take a tenth of a second of every start of tcf
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Everybody in some frames that follow each other."""
+    """All people in consecutive frames."""
 
     people: tuple[Float[np.ndarray, "P 137 3"], ...]
     """Of each frame, its people: x, y in pixels and confidence (0 to 1); (0, 0, 0) for what was not found."""
@@ -24,14 +24,14 @@ class Part:
     """Of each frame, what its people cover of the image, which is scaled to `silhouette_size`: row by row, eight pixels
     in a byte (`numpy.packbits`). n is 0 from detectors that find none."""
     memory: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """What the detector needs to continue with the next frame."""
+    """The detector's state after the last frame."""
 
     def __len__(self) -> int:
         return len(self.people)
 
 
 class Detector(Protocol):
-    """Finds the keypoints of everybody in a clip."""
+    """Finds the keypoints of all people in a clip."""
 
     @property
     def name(self) -> str:

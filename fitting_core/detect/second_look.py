@@ -85,7 +85,7 @@ class _SecondLook:
         return points
 
     def _body(self, image: Image, near: Float[np.ndarray, "137 3"] | None) -> Body | None:
-        """The person in the rectangle, or near what is known; the most certain one if nothing is."""
+        """The person in the rectangle or near the known keypoints; the most certain one without either."""
         known = None if near is None else near[BODY][near[BODY, 2] > 0.2, :2]
         room = self._room if self._part == "person" else None
         if room is None and known is not None and len(known) > 2:

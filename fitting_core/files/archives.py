@@ -32,9 +32,9 @@ class Member:
     """A file in a folder or archive."""
 
     path: PurePosixPath
-    """Where it lies, with the folder's or archive's name in front."""
+    """Its path, which begins with the name of the folder or archive."""
     size: int
-    """Bytes when unpacked, as the archive says."""
+    """Unpacked size declared by the archive, bytes."""
     open: Callable[[], IO[bytes]]
 
     def copy_to(self, target: Path) -> None:

@@ -179,7 +179,7 @@ def _delete_if_left(folder: Path) -> None:
 
 
 def _restore(folder: Path, path: Path) -> None:
-    """Put back what was to be replaced, and was not."""
+    """Restore a file or folder whose replacement was interrupted."""
     old = folder / _REPLACED
     if old.exists() and not os.path.lexists(path):
         old.rename(path)

@@ -13,7 +13,7 @@ from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import most_unpacked, refusal
 
 MAX_BYTES = 2 * 2**30
-"""Unpacked size of what is read of one archive; an hour of poses has 0.2 GB."""
+"""Maximum unpacked size of an archive; an hour of poses has 0.2 GB."""
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
@@ -58,7 +58,7 @@ def read_npz(path: Path, keys: Collection[str] | None = None, *, most: int = MAX
 
 
 def npz_names(path: Path) -> tuple[str, ...]:
-    """Names of an archive's arrays, of which none is read.
+    """Names of an archive's arrays, without reading them.
 
     Raises:
         OSError: It cannot be opened.

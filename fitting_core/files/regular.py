@@ -12,7 +12,7 @@ from pathlib import Path
 from fitting_core.errors import InputError
 
 MAX_BYTES = 4 * 2**30
-"""What is read as a whole is smaller: SMPL-X's pickles have 0.5 GB, an hour of keypoints in JSON 1 GB."""
+"""Maximum size of a file that is read whole: SMPL-X's pickles have 0.5 GB, an hour of keypoints in JSON 1 GB."""
 StrPath = str | os.PathLike[str]
 """A path as users of the library give it."""
 _KINDS: dict[Callable[[int], bool], str] = {

@@ -1,4 +1,4 @@
-"""Pickles of strangers: only what a table admits is made, nothing of them is run, and they cannot fill the memory."""
+"""Unpickling untrusted files: only whitelisted types are built, no code runs, and memory is bounded."""
 
 import gc
 import io
@@ -36,7 +36,7 @@ class Stream:
         self.counted_most = min(most // _BYTES, _MOST)
         """Objects, and other codes, that the pickles in it may have."""
         self.counts = {"objects": 0, "codes": 0}
-        """Those that they have had so far."""
+        """Number of objects so far."""
 
     def read(self, count: int) -> bytes:
         """Read `count` bytes, or the rest. Raises InputError above the limit of a file."""
@@ -175,7 +175,7 @@ class RestrictedUnpickler(pickle._Unpickler):
         self._set()
 
     def stack_of_mark(self) -> list[Any]:
-        """What was put on the stack since the last mark, which is taken off."""
+        """Pop the objects above the last mark, and the mark."""
         return self.pop_mark()  # pyright: ignore[reportAttributeAccessIssue]
 
     def _exactly(self, count: int) -> bytes:

@@ -51,7 +51,7 @@ class _Inline(Kept):
 
 
 class _Later(Kept):
-    """An array whose bytes are read when it is wanted."""
+    """An array whose bytes are read on demand."""
 
     title = "joblib array"
 

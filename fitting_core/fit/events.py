@@ -24,7 +24,7 @@ class Iteration:
     label: str
     """Which part of the phase, for the user: "placing the body", "stage 3 of 5", "window 12 of 90, stage 5 of 5"."""
     share: float
-    """Share of the phase that is done, 0 to 1, as far as it is known."""
+    """Estimated finished fraction of the phase, 0 to 1."""
     cost: float
     """Mean cost of the frames that are being fitted."""
     terms: dict[str, float] = field(default_factory=dict)
@@ -67,7 +67,7 @@ Returned = TypeVar("Returned")
 
 
 def drained(generator: Generator[Any, None, Returned]) -> Returned:
-    """The return value of a generator; what it yields is dropped."""
+    """Run a generator to its end and return its value."""
     while True:
         try:
             next(generator)

@@ -437,7 +437,7 @@ def _let_go_notes(result: FitResult, first_frame: int) -> list[str]:
 
 
 def _swap_notes(stages: Stages, first_frame: int) -> list[str]:
-    """What was swapped back, for the user."""
+    """Notes on unswapped limbs, for the user."""
     swapped = {name: spans((first_frame + frames).tolist()) for name, frames in stages.observations.swaps.items()}
     return [
         f"left and right {name} were swapped in the keypoints and have been unswapped: frames {numbers}"

@@ -23,7 +23,7 @@ from fitting_core.results.given_start import GivenStart
 from fitting_core.results.provenance import Provenance
 
 _TOGETHER = 1024
-"""Frames of which an objective is made at a time, 30 kB each."""
+"""Frames in one objective, 30 kB each."""
 _AROUND = 20
 """Frames on either side of the changed ones whose error bars are recomputed."""
 

@@ -35,7 +35,7 @@ def doubts(clip: Clip, params: BodyParams) -> tuple[str, ...]:
     distance = float(params.camera_translation[:, 2].median()) if len(params) else np.nan
     if not (np.isnan(distance) or _NEAR < distance < _FAR):
         found.append(
-            f"the body is {distance:.3g} m from the camera, where nobody can be; expected {_NEAR} to {_FAR:.0f} m. "
+            f"the body is {distance:.3g} m from the camera; plausible is {_NEAR} to {_FAR:.0f} m. "
             "Check the keypoints and the focal length"
         )
     return tuple(found)

@@ -192,7 +192,7 @@ class Stages:
         )
 
     def holding(self, stances: Stances) -> "Stages":
-        """The same with feet held where they stand."""
+        """The same stages with the standing feet held in place."""
         return replace(self, observations=self.observations.held(stances))
 
     def within(self, frames: range) -> "Stages":

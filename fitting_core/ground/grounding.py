@@ -16,7 +16,7 @@ from fitting_core.lifting.clip_lifting import LiftedClip
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Grounding:
-    """What is known of a clip's world, in camera space; for a moving camera, in still space (see `CameraPath`)."""
+    """Gravity, contacts and floor of a clip in camera space; for a moving camera, in still space (`CameraPath`)."""
 
     gravity: Gravity
     contacts: Contacts

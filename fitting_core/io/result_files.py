@@ -94,7 +94,7 @@ class StoredFit:
     """Camera space, metres."""
     observed: Bool[np.ndarray, "T 55"]
     provenance: Provenance | None
-    """Of the last finished phase; None where the file does not tell, as those of earlier versions."""
+    """Of the last finished phase; None in files of earlier versions."""
     camera: Camera
     frame_rate: float
     first_frame: int
@@ -106,15 +106,15 @@ class StoredFit:
     complete: bool
     """Whether the fit went through; if not, these are the phases that it finished."""
     error_bars: ErrorBars | None = None
-    """Of the last finished phase; None where the file does not tell."""
+    """Of the last finished phase; None if the file lacks it."""
     grounding: Grounding | None = None
-    """Gravity, contacts and floor; None where the file does not tell, as those of earlier versions."""
+    """Gravity, contacts and floor; None in files of earlier versions."""
     keypoints: Keypoints | None = None
-    """What was fitted; None where the file does not tell, as those of earlier versions."""
+    """The fitted keypoints; None in files of earlier versions."""
     detector: str = ""
     """As `Clip.detector`."""
     frame_cost: Float[np.ndarray, "T"] | None = None
-    """Of the last finished phase; None where the file does not tell."""
+    """Of the last finished phase; None if the file lacks it."""
     phase1_frame_cost: Float[np.ndarray, "T"] | None = None
     """The same of phase 1."""
 

@@ -21,7 +21,7 @@ _MOST_BYTES = 1 << 24
 
 @dataclass(frozen=True, kw_only=True)
 class WholeResult:
-    """What a result's folder holds."""
+    """Content of a result's folder."""
 
     clip: Clip
     """Without silhouettes, and without what a person had said of depths and rotations."""

@@ -16,7 +16,7 @@ from fitting_core.lifting.network import FRAMES, RATE, LifterSize
 
 
 class NetworkAbout(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """What any network's file states about itself."""
+    """Metadata of a network's file."""
 
     format: str
     width: int

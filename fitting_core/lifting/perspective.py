@@ -28,7 +28,7 @@ _OF_LIFTER = ("trunk.points", "trunk.error", "trunk.others")
 
 
 class AboutPerspective(NetworkAbout, kw_only=True):
-    """What the file states about itself."""
+    """Metadata of the file."""
 
     seen_share: list[float]
     """How often each of LOG_EXTENTS was seen in training: the network's implicit prior."""

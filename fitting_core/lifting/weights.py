@@ -13,7 +13,7 @@ FORMAT = "tcfit lifter 1"
 
 
 class AboutLifter(NetworkAbout, kw_only=True):
-    """What the file states about itself."""
+    """Metadata of the file."""
 
     error_factor: float
     """Factor for the network's expected errors, from motion that it was not trained on."""

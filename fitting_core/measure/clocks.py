@@ -102,7 +102,7 @@ def _moving_distances(
     chosen = np.argsort(-changes, kind="stable")[:_DISTANCES]
     if not len(chosen) or changes[chosen[0]] < _STILL:
         raise InputError(
-            f"{name}: its offset in time cannot be told, since hardly anything moves in the fit; expected distances "
+            f"{name}: cannot estimate the time offset, because hardly anything moves in the fit; expected distances "
             "between its points that change. Say it with --reference-offset SECONDS."
         )
     a, b = a[chosen], b[chosen]
@@ -131,7 +131,7 @@ def _best_lag(
     scores, lags = _correlations(ours, theirs, rate)
     if not np.isfinite(scores).any():
         raise InputError(
-            f"{name}: its offset in time cannot be told, since fit and reference have too little in common; expected "
+            f"{name}: cannot estimate the time offset, because fit and reference have too little in common; expected "
             f"{_LEAST_SECONDS:g} s and half of the shorter one. Say it with --reference-offset SECONDS."
         )
     place = int(np.nanargmax(scores))
@@ -140,7 +140,7 @@ def _best_lag(
     best, second = float(scores[place]), max(float(others[other]), -1.0)
     if best < _ALIKE:
         raise InputError(
-            f"{name}: its offset in time cannot be told, since no offset makes it move like the fit: the best has a "
+            f"{name}: cannot estimate the time offset, because no offset makes it move like the fit: the best has a "
             f"correlation of {best:.2f}; expected {_ALIKE:g} or more. Give the reference of this clip, or say the "
             "offset with --reference-offset SECONDS."
         )

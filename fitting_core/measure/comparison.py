@@ -114,7 +114,7 @@ def figure_titles() -> dict[str, tuple[str, str, str]]:
 
 
 def statistic_of(values: Float[np.ndarray, "n"], statistic: str) -> float | None:
-    """The mean or standard deviation of what is finite; None if nothing is."""
+    """The mean or standard deviation of the finite values; None without any."""
     finite = values[np.isfinite(values)]
     return float(getattr(finite, statistic)()) if len(finite) else None
 

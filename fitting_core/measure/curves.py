@@ -1,4 +1,4 @@
-"""What is measured in every frame of a fit: the CURVES table."""
+"""Measures of each frame of a fit: the CURVES table."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -81,7 +81,7 @@ class CurveKind:
     title: str
     unit: str
     values: Curve
-    """None where it cannot be measured."""
+    """None if it cannot be measured."""
     statistics: tuple[Literal["mean", "std"], ...] = ("mean",)
     """Which figures it gives."""
     better: Literal["lower", ""] = "lower"

@@ -1,4 +1,4 @@
-"""What a program asks for: a fit measured by itself, or against what is known to be true."""
+"""Figures of a fit for scripts, by itself or against a reference."""
 
 import os
 

@@ -14,7 +14,7 @@ Limbs = Float[np.ndarray, "T 12 3"]
 """`keypoints.LIMBS`, metres, in a space of its own; NaN where a joint is not known."""
 HIPS = [kp.LIMBS.index(kp.INDEX[f"{side}_hip"]) for side in ("left", "right")]
 _BENT = {"knee": ("hip", "knee", "ankle"), "hip": ("shoulder", "hip", "knee"), "elbow": ("shoulder", "elbow", "wrist")}
-"""A joint, and the ends of what it bends."""
+"""A joint, and the far ends of its two segments."""
 
 
 def limb_pa_mpjpe(estimate: Limbs, truth: Limbs) -> Float[np.ndarray, "T"]:

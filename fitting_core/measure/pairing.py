@@ -1,4 +1,4 @@
-"""A fit beside its reference, frame by frame: what everything is measured on."""
+"""A fit paired with its reference, frame by frame: the input of all measures."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -42,7 +42,7 @@ class PosedMotion:
     first_frame: int = 0
     """Number of its first frame in the video."""
     clip: Clip | None = None
-    """With the detections, where they are at hand."""
+    """Clip with the detections, if available."""
 
     @cached_property
     def joints(self) -> Float[np.ndarray, "T 55 3"]:

@@ -27,18 +27,18 @@ class Record:
     frames: int
     frame_rate: float
     seconds: float
-    """What the fit took up to this phase."""
+    """Time of the fit up to this phase."""
     comparison: Comparison
 
     def curve(self, name: str) -> Float[np.ndarray, "T"] | None:
-        """A curve with NaN where there is nothing; None where it was not measured."""
+        """A curve with NaN for missing values; None if it was not measured."""
         values = self.comparison.curves.get(name)
         return None if values is None else np.array([np.nan if v is None else v for v in values])
 
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluation:
-    """What a report is about."""
+    """Content of a report."""
 
     title: str
     records: tuple[Record, ...]

@@ -1,1 +1,1 @@
-"""Everybody in a clip: detected in each frame, followed, rejoined after absences, with what is uncertain."""
+"""All people of a clip: tracked, rejoined after absences, with their uncertain frames."""

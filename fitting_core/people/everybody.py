@@ -1,4 +1,4 @@
-"""Everybody in a clip, each with their own keypoints, and the frames in which identities are uncertain."""
+"""All people of a clip, each with their keypoints and the frames in which their identity is uncertain."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from fitting_core.people.sightings import Sighting, sightings
 from fitting_core.video.frame_names import runs, spans
 
 _MOST = 100
-"""Most people of one frame who are followed: the largest and surest."""
+"""Maximum number of people tracked in a frame: the largest and surest."""
 _SAME = 0.2
 """In sizes: two detections nearer to each other than this are of one person."""
 _SHORTEST_SECONDS, _SHORTEST_FRAMES = 0.25, 5
@@ -50,7 +50,7 @@ class Everybody:
 
     people: tuple[FoundPerson, ...]
     note: str
-    """What was left out, for the user; empty if nothing was."""
+    """Omitted detections, for the user; empty without any."""
 
 
 def find_everybody(detections: Detections, *, frame_rate: float, first_frame: int = 0, most: int = _MOST) -> Everybody:

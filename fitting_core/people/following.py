@@ -1,4 +1,4 @@
-"""Everybody followed from frame to frame by optimal assignment, and their possible confusions.
+"""All people tracked from frame to frame by optimal assignment, and their possible confusions.
 
 Costs are squared distances relative to a person's reach: 1 is the limit. An unmatched one costs as much, so
 that one sure match and one left out beat two doubtful ones.
@@ -39,14 +39,14 @@ _NEVER = 1e6
 
 @dataclass(eq=False)
 class Track:
-    """One person as followed so far."""
+    """The track of one person."""
 
     sightings: dict[int, Sighting] = field(default_factory=dict)
     """By frame, in order."""
     velocity: Float[np.ndarray, "2"] = field(default_factory=lambda: np.zeros(2))
     """Pixels per frame."""
     doubts: dict["Track", set[int]] = field(default_factory=dict)
-    """Who else it could be: frames."""
+    """Frames of possible confusion with another person."""
 
     @property
     def first(self) -> int:
@@ -59,7 +59,7 @@ class Track:
         return next(reversed(self.sightings))
 
     def add(self, frame: int, seen: Sighting, frame_rate: float) -> None:
-        """Add what a frame shows of this person."""
+        """Add this person's detection in a frame."""
         span = _VELOCITY_SECONDS * frame_rate
         for earlier in reversed(self.sightings):
             moved = _moved(self.sightings[earlier], seen)
@@ -76,7 +76,7 @@ class Track:
 
 
 def tracks_of(frames: Sequence[Sequence[Sighting]], frame_rate: float) -> list[Track]:
-    """Everybody in a clip, in the order in which they appear.
+    """All people of a clip, in the order in which they appear.
 
     Args:
         frames: Who is seen in each frame.

@@ -38,5 +38,5 @@ class Sighting:
 
 
 def sightings(frame: Float[np.ndarray, "P 137 3"]) -> list[Sighting]:
-    """Everybody in a frame with any detection."""
+    """All people of a frame with any detection."""
     return [Sighting.of(entry, points) for entry, points in enumerate(frame) if (points[:, 2] > 0).any()]

@@ -1,1 +1,1 @@
-"""What a likely pose is: L2 around a pose, or a learned latent space."""
+"""Pose priors: L2 around a pose, or a learned latent space."""

@@ -1,4 +1,4 @@
-"""Pose priors: how the solver writes the body's pose, and what it holds to be likely."""
+"""Pose priors: the solver's pose parameters and the prior over them."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -21,7 +21,7 @@ class PosePrior(Protocol):
     """
 
     title: str
-    """What it is, for the record of a fit."""
+    """Its description in the record of a fit."""
     size: int
     neutral: Float[Tensor, "size"]
     """The most likely pose, where fits start and unseen limbs rest."""

@@ -1,4 +1,4 @@
-"""Makes pyrender's pinned libraries work without a display: what must be done before pyrender is imported."""
+"""Preparations before the import of pyrender, whose pinned libraries need them to work without a display."""
 
 import ctypes
 import os

@@ -45,7 +45,7 @@ _ROOM = 0.25
 _CELL = 0.5
 """Metres between the floor's lines."""
 _BEYOND = 1.0
-"""Metres of floor around what moves."""
+"""Metres of floor around the motions."""
 _INK = (210, 210, 210)
 _DISTANCE = 8.0
 """Distance of the side view's eye, in extents: limbs nearly keep their lengths wherever they point."""
@@ -257,7 +257,7 @@ class _View:
     """A place to look from, in the body's own world: x to the body's left, y up, z forward, metres."""
 
     center: tuple[float, float, float]
-    """What is in the middle of the picture."""
+    """The middle of the picture."""
     extent: float = 2.1
     """How many metres the shorter side of the picture shows there."""
     degrees: float = 0.0

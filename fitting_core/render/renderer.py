@@ -56,7 +56,7 @@ class DrawnMesh:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Picture:
-    """What the renderer drew, without a background."""
+    """A drawing without background."""
 
     rgb: UInt8[np.ndarray, "H W 3"]
     """Colour times alpha."""

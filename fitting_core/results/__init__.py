@@ -1,1 +1,1 @@
-"""What a fit returns, and what it was given: values alone, which are computed elsewhere."""
+"""Data of a fit's result and of its given start."""

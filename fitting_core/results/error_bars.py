@@ -19,7 +19,7 @@ ANGLES = (
 DIRECTIONS = ("along", "across")
 """The camera's ray through the joint: along it, and across it in any direction."""
 WIDER = 2.2
-"""Times an error bar is what 95 % of the errors lie within."""
+"""Factor from an error bar (68 %) to the bound of 95 % of the errors."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

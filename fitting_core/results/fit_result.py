@@ -1,4 +1,4 @@
-"""What a fit returns."""
+"""The result of a fit."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ class PhaseResult:
     seconds: float
     notes: tuple[str, ...] = ()
     provenance: Provenance | None = None
-    """Where each frame's fit came from; None for what came from elsewhere, such as files of earlier versions."""
+    """Provenance of each frame's fit; None for imports and files of earlier versions."""
     error_bars: ErrorBars | None = None
     """How far off joints and angles may be; None where that is not known: of phases 1 and 2, of fits without the
     lifter, and of files of earlier versions."""

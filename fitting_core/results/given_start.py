@@ -11,12 +11,12 @@ from fitting_core.body.params import BodyParams
 
 @dataclass(frozen=True, kw_only=True)
 class StartRecord:
-    """What is remembered of a start with the fit."""
+    """Record of a start, stored with the fit."""
 
     source: str
     """Name of the file or folder."""
     format: str
-    """What it was read as, in words."""
+    """Name of its format, in words."""
     person: int | None
     """Of several people in it, the number of the one that was taken."""
     frames: int
@@ -84,12 +84,12 @@ class GivenStart:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownShape:
-    """What phase 2 takes instead of looking for a shape."""
+    """A shape given to phase 2, which then fits none."""
 
     betas: Float[np.ndarray, "10"]
     """Of the body that is fitted: on another one they mean another shape."""
     source: str = ""
-    """Where they come from, for the user."""
+    """Their source, for the user."""
 
     def sentence(self) -> str:
         """For the user."""

@@ -1,4 +1,4 @@
-"""Where each frame's fit came from, and why its solver stopped: what a person asks of a frame that looks wrong."""
+"""Origin of each frame's fit, and why its solver stopped: for inspecting frames that look wrong."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -61,7 +61,7 @@ STARTS: dict[int, str] = {
     Start.BETWEEN: "between the key frames before and after it",
     Start.GIVEN: "the result that was given to start from",
 }
-"""What "started from ..." goes on with."""
+"""Completions of 'started from ...'."""
 
 STOPS: dict[int, str] = {
     Stopped.UNKNOWN: "the reason was not noted",
@@ -71,7 +71,7 @@ STOPS: dict[int, str] = {
     Stopped.FAILED: "its keypoints could not be fitted",
     Stopped.EMPTY: "it shows too few keypoints to be fitted",
 }
-"""What "stopped because ..." goes on with."""
+"""Completions of 'stopped because ...'."""
 
 TURNED = {0.0: Start.TURNED_0, 90.0: Start.TURNED_90, 180.0: Start.TURNED_180, 270.0: Start.TURNED_270}
 """By the degrees that the neutral pose is turned from facing the camera."""

@@ -214,7 +214,7 @@ class _Solver:
         return _State(*(torch.cat([getattr(part, f.name) for part in parts]) for f in fields(_State)))
 
     def _bent(self, state: _State) -> Float[Tensor, "B 188"]:
-        """What is pulled to zero: not the root's rotation and the translation."""
+        """Regularised parameters: all but the root's rotation and the translation."""
         root, place = state.translation.new_zeros(len(state.pose), 3), torch.zeros_like(state.translation)
         return torch.cat([root, (state.pose - self.mean).flatten(1), state.coefficients, place], 1)
 

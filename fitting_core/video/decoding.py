@@ -329,7 +329,7 @@ class VideoFile:
 
 
 def _decoded(container: InputContainer, stream: VideoStream, *, early: bool) -> Iterator[VideoFrame]:
-    """The frames that the container gives next; what is damaged is passed over."""
+    """The container's next frames; damaged ones are skipped."""
     for packet in _packets(container, stream):
         try:
             # The torn last packet of a file makes FFmpeg's threads lose whole frames before it.

@@ -1,4 +1,4 @@
-"""Tells videos and folders of images apart by their content, quickly."""
+"""Fast identification of videos and image folders by content."""
 
 import hashlib
 import os

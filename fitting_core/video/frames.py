@@ -54,7 +54,7 @@ class FrameSource:
         self.frame_rate = self._decoder.frame_rate
         """Frames per second, on average where they are uneven; None for images and for files that do not say it."""
         self.declared_frame_rate = self._decoder.declared_frame_rate
-        """Frames per second that the file's header says: far off in some files of uneven frames."""
+        """Frames per second of the file's header: far off in some files with uneven frames."""
         self.uneven = self._decoder.uneven
         """Whether the times between frames differ by more than half, as in many videos from phones."""
         self.pixel_aspect = self._decoder.pixel_aspect

@@ -46,7 +46,7 @@ def focal_35mm(path: Path) -> float | None:
 
 
 def image_files(folder: Path | None) -> tuple[Path, ...]:
-    """A folder's images in natural order; none for a video or what is not there."""
+    """A folder's images in natural order; none for a video or a missing path."""
     if folder is None or not folder.is_dir():
         return ()
     visible = (file for file in folder.iterdir() if not file.name.startswith("."))
@@ -91,7 +91,7 @@ class Images:
         return found
 
     def notes(self, indices: Sequence[int]) -> list[str]:
-        """What a user should know about some images, in sentences."""
+        """Notes for the user on some images, in sentences."""
         notes, name = [], self._path.name
         pages = max(_pages(self._files[index]) for index in indices)
         if pages > 1:

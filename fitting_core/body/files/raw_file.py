@@ -19,13 +19,13 @@ LANDMARKS = ("lmk_faces_idx", "lmk_bary_coords", "dynamic_lmk_faces_idx", "dynam
 OWN_KEYPOINTS = "keypoint_vertices"
 """Optional key for a mesh that is not the official one: a vertex for each of SURFACE_KEYPOINTS, -1 for none."""
 KEYS = (*REQUIRED, *HAND_KEYS, *LANDMARKS, OWN_KEYPOINTS, "gender")
-"""What is read of a file; it may hold more."""
+"""Maximum number of bytes read of a file."""
 ADVICE = "Download the model again from its official site, or run `tcfit models` to see the bodies found here."
 
 
 @dataclass(frozen=True, kw_only=True)
 class RawFile:
-    """What a file holds, before anything of it is believed."""
+    """The unchecked content of a file."""
 
     path: Path
     values: dict[str, Any]
@@ -93,7 +93,7 @@ def vertex_count(path: Path) -> int:
 
 
 def _values(path: Path, keys: tuple[str, ...]) -> tuple[dict[str, Any], str]:
-    """What a file holds under these keys, None for its other keys; and its hash."""
+    """The file's values under these keys, None for its other keys, and its hash."""
     if not path.exists():
         raise InputError(f"{path}: does not exist, expected a body model file. {ADVICE}")
     if why := refusal(path, expected="a body model file"):

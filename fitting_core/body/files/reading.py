@@ -118,7 +118,7 @@ def _read(path: Path) -> BodyModel:
 
 
 def gender_of_name(path: PurePath) -> str | None:
-    """Gender that a file's name tells, or its folder's for names like `female/model.npz`; None if neither does."""
+    """Gender by the file's name, or by its folder's for names like `female/model.npz`; None if unknown."""
     for name in (path.stem, path.parent.name):
         words = re.split(r"[^a-z]+", name.lower())
         found = {_GENDERS[word] for word in words if word in _GENDERS}

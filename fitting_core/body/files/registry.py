@@ -227,7 +227,7 @@ def _copy(member: Member, folder: Path) -> Path:
 
 
 def _kind_and_gender(copy: Path, member: Member) -> tuple[str, str]:
-    """What a model really is; it is read whole, so a damaged one is refused."""
+    """The kind of a model by its content; it is read whole, so a damaged one is refused."""
     try:
         body = load_body(copy)
     except InputError as error:

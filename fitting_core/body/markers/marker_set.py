@@ -16,9 +16,9 @@ from fitting_core.errors import InputError
 RADIUS = 0.007
 """Metres from the skin to the middle of a marker: the usual ones are balls of 14 mm."""
 _CHUNK = 16
-"""Frames of which whole meshes are in memory at once."""
+"""Frames whose meshes are in memory at once."""
 Target = int | str
-"""What a marker sits on: a vertex by its number, a marker of PLACES, or at a joint of JOINTS."""
+"""The place of a marker: the number of a vertex, a marker of PLACES, or a joint of JOINTS."""
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ class Place:
     """A ray from between two points of the rest pose (x to the body's left, y up, z forward) through the skin."""
 
     text: str
-    """Where it sits, for the user."""
+    """Its place, in words for the user."""
     start: str
     """A joint, or a surface keypoint."""
     direction: Vector
@@ -113,7 +113,7 @@ def standard_vertices(body: BodyModel) -> dict[str, int]:
 
 
 def _vertex(body: BodyModel, place: Place) -> int:
-    """The vertex nearest to where the ray leaves the skin; where it meets none, the one nearest to the ray."""
+    """The vertex nearest to the point where the ray leaves the skin, or to the ray if it misses the skin."""
     tall = float(np.ptp(body.template[:, 1])) / _TALL
     start, end = _point(body, place.start), _point(body, place.end or place.start)
     origin = start + place.share * (end - start) + tall * np.array(place.offset)

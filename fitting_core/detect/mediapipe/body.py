@@ -36,12 +36,12 @@ _RADIUS, _LEAST_HEAT = 3, 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    """What a square of an image shows of a body."""
+    """The body in a square of an image."""
 
     xy: Float[np.ndarray, "33 2"]
     """Pixels of the image."""
     visible: Float[np.ndarray, "33"]
-    """0 to 1, as the network says; it misleads about parts that the picture cuts off."""
+    """0 to 1, from the network; unreliable for parts that the picture cuts off."""
     heat: Float[np.ndarray, "33"]
     """Height of the heat map, 0 to 1."""
     spread: Float[np.ndarray, "33"]
@@ -54,7 +54,7 @@ class Body:
     circle: Float[np.ndarray, "2 2"]
     """Middle of the hips, and a point on the circle around the body; pixels of the image."""
     square: Square
-    """What was looked at."""
+    """The square of the image."""
     silhouette: Float32[np.ndarray, "256 256"]
     """Of that square, 0 to 1."""
 

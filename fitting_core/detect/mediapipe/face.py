@@ -27,7 +27,7 @@ _SMALLEST = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Face:
-    """What a square of an image shows of a face."""
+    """The face in a square of an image."""
 
     xy: Float[np.ndarray, "468 2"]
     """Pixels of the image."""

@@ -39,7 +39,7 @@ class FetchProgress:
     """How far it is."""
 
     step: str
-    """What is being done, as a title."""
+    """Title of the current step."""
     share: float
     """Of the whole, 0 to 1."""
 
@@ -60,7 +60,7 @@ Source = Callable[[Path, Sequence[str]], Generator[FetchProgress, None, str]]
 
 
 def fetch_notice(place: Path | None = None) -> str:
-    """What a user has to know before agreeing to fetch what is lacking.
+    """Sources and sizes of the missing networks, which the user confirms.
 
     Args:
         place: The folder of networks; None: the user's.
@@ -163,7 +163,7 @@ def _given(scratch: Path, lacking: Sequence[str], *, archive: Path) -> Generator
 
 
 def _filled(place: Path, source: Source, *, fetches: bool) -> Iterator[FetchProgress | Fetched]:
-    """Add to a folder what it lacks, while no other process does.
+    """Add the missing networks to a folder, locked against other processes.
 
     Args:
         place: The folder.

@@ -69,11 +69,11 @@ class Followers:
         """How many people there have been."""
 
     def start_from(self, people: list[Followed], found: int) -> None:
-        """Go on with people who were followed before, of whom `found` had been found."""
+        """Continue with the followed people and the number of people found."""
         self.people, self.found = people, found
 
     def forwards(self, stretch: "Stretch") -> Generator[int, None, None]:
-        """Follow everybody through a stretch, and look for others; yields how many frames are done."""
+        """Follow all people through a stretch and look for new ones; yields the number of finished frames."""
         stretch.people = list(self.people)
         for done, (t, image) in enumerate(zip(stretch.frames, stretch.images, strict=True), 1):
             self.people = [person for person in self.people if t - person.last <= _MOST_MISSED]
@@ -98,7 +98,7 @@ class Followers:
         return [Followed(number=one.number, bodies={one.last: one.bodies[one.last]}) for one in self.people]
 
     def forget(self, before: int) -> None:
-        """Let go of what was seen before a frame, but for where everybody was last."""
+        """Forget the frames before this one, except each person's last position."""
         for one in self.people:
             one.bodies = {t: body for t, body in one.bodies.items() if t >= before or t == one.last}
 

@@ -35,7 +35,7 @@ _AGREE = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Hand:
-    """What a square of an image shows of a hand."""
+    """The hand in a square of an image."""
 
     xy: Float[np.ndarray, "21 2"]
     """Pixels of the image."""
@@ -44,7 +44,7 @@ class Hand:
     right: float
     """How much it looks like a right hand, 0 to 1."""
     square: Square
-    """What was looked at."""
+    """The square of the image."""
 
     def looks(self, side: Side) -> float:
         """The score, less where it looks like a hand of the other side: then the fingers are often wrong, too."""

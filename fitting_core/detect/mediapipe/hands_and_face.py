@@ -38,7 +38,7 @@ _ROOM = 0.35
 
 @dataclass(kw_only=True)
 class SeenParts:
-    """What a frame shows of a person besides the body."""
+    """Hands and face of a person in a frame."""
 
     hands: dict[Side, Hand | None] = field(default_factory=lambda: dict.fromkeys(SIDES))
     face: Face | None = None

@@ -230,7 +230,7 @@ def _started(
 
 
 def _environment(folder: Path, paths: Sequence[str]) -> dict[str, str]:
-    """What is not finished lies in the folder as well, so that it goes with it."""
+    """Unfinished downloads are in this folder too, so they are deleted with it."""
     temporary = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))
     found = os.environ.get("PYTHONPATH", "")
     python = os.pathsep.join([*paths, *([found] if found else [])])
@@ -238,7 +238,7 @@ def _environment(folder: Path, paths: Sequence[str]) -> dict[str, str]:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """With what it has started: npm runs Node."""
+    """End a process and its children: npm runs Node."""
     if process.poll() is None:
         if sys.platform == "win32":
             subprocess.run(["taskkill", "/F", "/T", "/PID", str(process.pid)], capture_output=True)
@@ -252,7 +252,7 @@ def _name(command: Sequence[str]) -> str:
 
 
 def _reason(name: str, said: str) -> str:
-    """Why a program failed, by what it said."""
+    """The reason of a program's failure, from its output."""
     if any(words in said for words in _NO_NETWORK):
         return f"{name} cannot reach its server. Check the network, or {name}'s settings."
     if "No space left on device" in said or "ENOSPC" in said:

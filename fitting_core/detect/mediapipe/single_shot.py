@@ -16,7 +16,7 @@ from fitting_core.detect.mediapipe.squares import Image, Square, picture
 from fitting_core.detect.topdown.boxes import intersection_over_union
 
 _OVERLAP = 0.3
-"""Boxes whose intersection over union is larger are of one thing."""
+"""Intersection over union above which two boxes are one detection."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,7 @@ class _Kind:
     strides: tuple[int, ...]
     """Pixels of the picture for each cell of its layers."""
     lowest: float
-    """What a black pixel is for the network; a white one is 1."""
+    """The network's input for a black pixel; a white one is 1."""
     threshold: float
     """Score from which something is found."""
 

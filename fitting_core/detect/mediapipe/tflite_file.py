@@ -119,7 +119,7 @@ class _Table:
         return [_Table(self.data, place + _unpack(self.data, place, _OFFSET)) for place in places]
 
     def _vector(self, index: int) -> tuple[int, int]:
-        """Where its entries begin, and how many there are."""
+        """Position of its entries, and their number."""
         place = self._place(index)
         if not place:
             return 0, 0

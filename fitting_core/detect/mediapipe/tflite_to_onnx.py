@@ -55,7 +55,7 @@ def onnx_of(network: TfliteFile) -> bytes:
 
 @dataclass
 class _Graph:
-    """The ONNX network, as far as it is written."""
+    """The ONNX network under construction."""
 
     network: TfliteFile
     nodes: list[Node] = field(default_factory=list)
@@ -74,7 +74,7 @@ class _Graph:
         return ["N", *self.shape(tensor)[1:]]
 
     def constant(self, tensor: int) -> np.ndarray | None:
-        """Content that is known; None where it is computed."""
+        """Constant content; None if computed."""
         return self.constants.get(tensor, self.network.tensors[tensor].constant)
 
     def known(self, tensor: int) -> np.ndarray:

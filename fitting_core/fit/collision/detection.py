@@ -83,7 +83,7 @@ def _slot_pairs(tree: BoundingTree, leaf_pairs: Int[np.ndarray, "M 2"]) -> Int[n
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CollisionFinder:
-    """What is precomputed for a mesh: create it once, then call `find` for every frame."""
+    """Precomputed tables of a mesh: create it once, then call `find` for every frame."""
 
     faces: Int[np.ndarray, "F 3"]
     part_pairs: Int[np.ndarray, "R 2"]

@@ -27,7 +27,7 @@ class FrameFits:
 
     state: State
     cost: Float[Tensor, "T"]
-    """Infinite where nothing was minimised, or where it failed."""
+    """Infinite for frames that were not fitted or failed."""
     start: UInt8[Tensor, "T"]
     """Codes of `Start`."""
     stopped: UInt8[Tensor, "T"]

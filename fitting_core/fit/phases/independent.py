@@ -34,7 +34,7 @@ _AT_ONCE = 16
 """Frames fitted before the next ones start, so that bodies can be shown early. It costs nothing: signing, 149 frames,
 5.8 s of CPU time with 16, 32, 64 or all at once, the first bodies after 0.4, 0.6, 0.7 and 0.7 s."""
 _MOST_HELD = 1024
-"""Frames whose last stage's objective is held at once, 45 kB each. Making it takes 4 ms, and 65 us a frame."""
+"""Frames whose last objective is in memory at once, 45 kB each. Creating it takes 4 ms, and 65 us a frame."""
 _FIRST, _SEATED, _FLIPPED, _KEYS_SETTLED, _ALL_FITTED, _SETTLED = 0.2, 0.22, 0.55, 0.63, 0.7, 0.9
 """Progress of the phase after the first fits, the sitting pose, the mirrored limbs, the relay among key frames, the
 frames between these, and the relay among all frames. Processor time of the demo clip, preset tcfit.

@@ -305,7 +305,7 @@ def _outline(sight: _Sight, sampled: State, row: int) -> _Outline | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Topology:
-    """What is needed to compute a body's outline."""
+    """Constants of a body's outline."""
 
     faces: Int[np.ndarray, "F 3"]
     edges: Int[np.ndarray, "E 2"]

@@ -1,4 +1,4 @@
-"""What terms are made from: the constants of a fit, and the keypoints that an objective uses."""
+"""Inputs of the terms: the constants of a fit, and the keypoints that an objective uses."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,11 +22,11 @@ class TermContext:
     config: FitConfig
     """Weights and all other settings."""
     body: BodyModel
-    """What is fitted."""
+    """The fitted body."""
     parametrisation: Parametrisation
     """How a solver's numbers become the body's pose."""
     observations: Observations
-    """What is known of each frame."""
+    """Evidence of each frame."""
     camera: Camera
     pelvis: Float[Tensor, "3"]
     """Of the likeliest shape at rest, metres: the root rotates about it."""

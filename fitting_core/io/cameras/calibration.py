@@ -39,7 +39,7 @@ class Calibration:
     poses: Poses | None = None
     """Of a moving camera, in place of rotation and translation."""
     notes: tuple[str, ...] = ()
-    """What a user should know about how it was read."""
+    """Notes for the user on how it was read."""
 
 
 def calibration(

@@ -112,7 +112,7 @@ def _images(path: Path, cameras: dict[str, Calibration]) -> Iterator[Calibration
 
 
 class _Refused(ValueError):
-    """What is wrong, in words."""
+    """An error of the file, in words."""
 
 
 def _reason(error: ValueError, fields: Sequence[str], least: int) -> str:

@@ -42,7 +42,7 @@ class ImportedMotion:
 
     source: Path
     format: str
-    """What it was read as, in words."""
+    """Name of the format, in words."""
     kind: str
     """"smplx" or "smplh": the kind of its body."""
     gender: str
@@ -76,7 +76,7 @@ class ImportedMotion:
     people: tuple[PersonTrack, ...] = ()
     """In the file, if it distinguishes them; the person in most frames first."""
     notes: tuple[str, ...] = field(default=())
-    """What a user should know about how it was read."""
+    """Notes for the user on how it was read."""
 
     def __post_init__(self) -> None:
         assert len(self.numbers) == len(self.params) == len(self.turn)

@@ -27,9 +27,9 @@ class NamedPoints:
     first_frame: int | None = None
     """Number of the first frame at this rate, from 0; None: the file does not say."""
     camera: World | None = None
-    """Where the clip's camera stands in the file's world; None: the file does not say, or it moves."""
+    """Pose of the clip's camera in the file's world; None if unknown or moving."""
     notes: tuple[str, ...] = ()
-    """What a user should know about how they were read."""
+    """Notes for the user on how they were read."""
 
     def __post_init__(self) -> None:
         assert self.places.shape[1:] == (len(self.names), 3)

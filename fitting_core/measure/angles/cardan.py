@@ -1,4 +1,4 @@
-"""Rotations as three angles about the axes of a frame, without jumps over time, and where they are not determined."""
+"""Rotations as three angles about the axes of a frame, continuous over time, with the frames of gimbal lock."""
 
 import warnings
 

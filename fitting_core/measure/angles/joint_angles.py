@@ -17,7 +17,7 @@ class Angle:
 
     name: str
     positive: str
-    """What the body does while it grows."""
+    """Movement of the body as the angle grows."""
     sign: int = 1
     """Of the turn about the axis, on the right side of the body."""
 
@@ -39,7 +39,7 @@ class AnatomicalJoint:
 
     @property
     def sides(self) -> tuple[str, ...]:
-        """What stands before its name on each side of the body; nothing for a joint of the middle."""
+        """Prefixes of its name by side of the body; none for a joint of the middle."""
         return ("",) if self.child in BONES else ("left_", "right_")
 
 
@@ -120,7 +120,7 @@ def _columns() -> dict[str, str]:
 
 
 ANGLES = _columns()
-"""By its name: what the body does while the angle grows, in the order of `joint_angles`."""
+"""Movement of the body as the angle grows, by its name, in the order of `joint_angles`."""
 
 
 def joint_angles(motion: Motion) -> dict[str, Float[np.ndarray, "T"]]:

@@ -107,7 +107,7 @@ def _leg(segments: Segments, side: str) -> dict[str, Float[np.ndarray, "T"]]:
 
 
 def _arm(segments: Segments, side: str) -> dict[str, Float[np.ndarray, "T"]]:
-    """The model's wrist does not turn about the forearm: what the fit's does so is pronation."""
+    """The model's wrist does not turn about the forearm: this turn of the fit's wrist counts as pronation."""
     thorax, humerus, forearm, hand = "thorax", f"{side}_humerus", f"{side}_forearm", f"{side}_hand"
     flex, add, turn = held(segments.between(thorax, humerus) @ ARM_FRAMES, "ZXY").T
     wrist = ARM_FRAMES.T @ segments.between(forearm, hand) @ ARM_FRAMES

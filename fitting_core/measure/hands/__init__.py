@@ -1,1 +1,1 @@
-"""What hands do along a clip: when they move and are held, and in which shape."""
+"""Hands over a clip: movements, holds, rests, and named shapes."""

@@ -103,7 +103,7 @@ def hand_phases(
 
 
 def _moving(speed: Float[np.ndarray, "T"], rule: PhaseRule, frame_rate: float) -> Bool[np.ndarray, "T"]:
-    """Hysteresis: frames above `slow` in a stretch that reaches `fast`; then what is too short goes."""
+    """Hysteresis: frames above `slow` in a stretch that reaches `fast`; short stretches are dropped."""
     faster = speed > rule.slow
     reached = np.zeros(len(speed), bool)
     for run in runs_where(faster):

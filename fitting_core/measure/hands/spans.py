@@ -11,7 +11,7 @@ from fitting_core.frame_runs import runs_where
 
 @dataclass(frozen=True, kw_only=True)
 class Span:
-    """Frames that follow each other, and what they are called."""
+    """Consecutive frames with a label."""
 
     frames: range
     """Counted from the clip's first (0)."""

@@ -15,12 +15,12 @@ from fitting_core.body.bounding_tree import NO_CHILD, BoundingTree, build_tree, 
 _LEVELS = 3
 """Of the tree, which are gone down at once."""
 _SLACK = 1e-6
-"""Metres by which boxes are larger than what they hold: they are compared in float32."""
+"""Margin of the boxes, metres: they are compared in float32."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Closest:
-    """What the surface has nearest to N points."""
+    """Nearest points of a surface to N points."""
 
     point: Float[np.ndarray, "N 3"]
     face: Int[np.ndarray, "N"]
@@ -42,7 +42,7 @@ class SurfaceTree:
     boxes: tuple[tuple[np.ndarray, np.ndarray], ...]
     """Middles and half sizes (m, k, 3) of the nested nodes; no point is near one that is not there."""
     corners: KDTree
-    """The vertices of faces: a first guess at what is nearest."""
+    """The vertices of faces: a first guess of the nearest points."""
 
     @staticmethod
     def of(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> "SurfaceTree":
@@ -78,7 +78,7 @@ class SurfaceTree:
         return self._nearest(points, query, face)
 
     def _candidates(self, points: np.ndarray, bound: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs of a point and a face that may have what is nearest to it, ordered by point."""
+        """Pairs of a point and a candidate face, ordered by point."""
         query, box = np.arange(len(points)), np.zeros(len(points), np.intp)
         for middle, half in self.boxes:
             beyond = points[query][:, None] - middle[box]

@@ -1,4 +1,4 @@
-"""What is measured on whole meshes: volumes, the vertex-to-surface error of the paper, the error of every vertex."""
+"""Measures of whole meshes: volumes, the vertex-to-surface error of the paper, the error of each vertex."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,1 +1,1 @@
-"""What fits are compared with: points, bodies and stored references."""
+"""References of fits: points, bodies and stored files."""

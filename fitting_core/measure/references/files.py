@@ -24,7 +24,7 @@ TRUTH_NAME = "truth.npz"
 
 @dataclass(frozen=True, kw_only=True)
 class ReferenceSource:
-    """What a reader gets."""
+    """Arguments of a reader."""
 
     path: Path
     camera: WorldCamera | None
@@ -84,7 +84,7 @@ REFERENCE_FORMS = (
 )
 """Of npz, tried in this order."""
 POINT_FILES = {".trc": ("OpenSim TRC", "trc:read_trc"), ".c3d": ("C3D", "c3d_file:read_c3d")}
-"""By the name's ending: what it is, and module and function that read its points."""
+"""Title of the format, and module and function that read its points, by suffix."""
 
 
 def read_reference(
@@ -95,7 +95,7 @@ def read_reference(
     search: StrPath | None = None,
     markers: MarkerSet | None = None,
 ) -> Reference:
-    """Read what a fit is to be compared with.
+    """Read a reference for a fit.
 
     Args:
         path: A file of one of FORMS, a .trc or .c3d file, or a folder with a truth.npz or fit.npz.
@@ -155,7 +155,7 @@ _TURNED = (
 
 
 def _form(file: Path, markers: MarkerSet | None) -> Callable[[ReferenceSource], Reference]:
-    """What reads it, by its name's ending or by what is in it."""
+    """The reader of a file, by its suffix or its content."""
     if read := POINT_FILES.get(file.suffix.lower()):
         return lambda source: _of_points(source, markers, *read)
     if markers is not None:

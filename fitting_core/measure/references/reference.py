@@ -1,4 +1,4 @@
-"""What a fit is compared with: points in space, and the body that they belong to where one is known."""
+"""The reference of a fit: points in space, and their body if known."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -37,17 +37,17 @@ class Reference:
     name: str
     """For the user."""
     kind: str
-    """What it was read from, in words."""
+    """Its source, in words."""
     frame_rate: float | None
     """Frames per second; None: as the clip's."""
     first_frame: int = 0
     """Number of its first frame, counted at its own rate from the video's first one."""
     first_frame_known: bool = True
-    """Whether that was said; else it is taken to begin with the video."""
+    """False: assumed to start with the video."""
     in_camera: bool
     """Whether it stands in the camera's space (x right, y down, z away); else only its form can be compared."""
     points: Float[np.ndarray, "T 137 3"]
-    """The keypoints of `fitting_core.keypoints`; NaN where nothing is known."""
+    """The keypoints of `fitting_core.keypoints`; NaN if unknown."""
     joints: Float[np.ndarray, "T 55 3"] | None = None
     """SMPL-X's joints."""
     markers: MarkerSet | None = None
@@ -58,9 +58,9 @@ class Reference:
     body: BodyOf | None = None
     """Given exactly when `params` is."""
     others: Mapping[str, Float[np.ndarray, "T 137 3"]] = field(default_factory=dict)
-    """What other systems made of the same clip, by their names, each in a space of its own: judged beside a fit."""
+    """Other systems' results for this clip, by name, each in its own space."""
     notes: tuple[str, ...] = field(default=())
-    """What a user should know about how it was read."""
+    """Notes for the user on how it was read."""
 
     def __post_init__(self) -> None:
         assert self.points.shape[1:] == (kp.COUNT, 3)
@@ -178,7 +178,7 @@ def write_reference(path: Path, reference: Reference) -> None:
 
 
 def read_stored(path: Path, arrays: dict[str, np.ndarray]) -> Reference:
-    """What `write_reference` wrote.
+    """Read the file of `write_reference`.
 
     Raises:
         KeyError: An array is missing.
@@ -223,5 +223,5 @@ def _stored_markers(arrays: Mapping[str, np.ndarray]) -> MarkerSet:
 
 
 def of_body(body: BodyModel) -> BodyOf:
-    """What a reference remembers of its body."""
+    """The stored description of a reference's body."""
     return BodyOf(kind=body.kind, gender=body.gender, hash=body.hash)

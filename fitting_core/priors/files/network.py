@@ -23,7 +23,7 @@ from fitting_core.errors import InputError, some_of
 from fitting_core.files.npz import read_npz, write_npz
 
 Activation = Literal["linear", "leaky_relu_0.01", "leaky_relu_0.2", "elu", "silu", "softplus", "tanh"]
-"""What follows a layer; latent.ACTIVATIONS says what each of them is."""
+"""Activation after a layer; a key of latent.ACTIVATIONS."""
 OUTPUTS = 126
 """Of the decoder: 21 joints x a 3 x 2 matrix, row by row, whose columns become a rotation by Gram-Schmidt."""
 INPUTS = {63: "axis-angle", 126: "the first two columns of the rotation matrices", 189: "rotation matrices"}
@@ -59,7 +59,7 @@ class PriorNetwork:
     encoder: tuple[Layer, ...]
     """From a pose in one of INPUTS to the mean of its latent numbers."""
     title: str
-    """What it is, for people: "VPoser 1"."""
+    """Title for users: "VPoser 1"."""
     licence: str = ""
 
     def __post_init__(self) -> None:
@@ -113,13 +113,13 @@ FORMAT = "tcfit pose prior 1"
 
 
 class PriorAbout(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """What an npz of a pose prior says of itself."""
+    """Metadata in the npz of a pose prior."""
 
     format: str
     title: str
     licence: str
     decoder: list[Activation]
-    """What follows each layer."""
+    """Activation after each layer."""
     encoder: list[Activation]
     notes: str = ""
     """How it came about, for people."""

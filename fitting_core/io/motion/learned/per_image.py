@@ -37,7 +37,7 @@ _KEYS = (*_KNOWN_BY, "focal_length")
 _MOST_TEXT = 2**28
 _FOLLOWED = "It has no tracks: people were followed by position."
 _FRAME_RATE = 30.0
-"""Frames per second assumed for tracking: results do not tell it."""
+"""Frames per second assumed for tracking: results do not store it."""
 _NEAREST = 0.01
 """Metres: points nearer to the camera's plane are projected from there."""
 
