@@ -177,10 +177,6 @@ joints; wrist speeds are relative to the chest.
 
 BETWEEN = "between_runs"
 """Name of the curve."""
-PEAKS = 5
-"""Frames marked as those where runs differ most."""
-_APART = 20
-"""Minimum distance between two peaks, as a fraction 1/n of the clip: neighbours of a peak are not peaks."""
 
 
 def vertex_distances(one: Float32[np.ndarray, "V 3"], other: Float32[np.ndarray, "V 3"]) -> Float32[np.ndarray, "V"]:
@@ -200,15 +196,3 @@ def between_runs(a: PosedFit, b: PosedFit) -> Curve:
     """Mean distance of the 55 joints of two runs of one clip by frame, in millimetres; their bodies may differ."""
     values = 1e3 * np.linalg.norm(b.joints - a.joints, axis=-1).mean(1)
     return Curve(name=BETWEEN, title="Distance between A and B", unit="mm", values=values)
-
-
-def peaks(values: Float[np.ndarray, "T"]) -> list[int]:
-    """The frames of the largest positive values, largest first, none close to another."""
-    left = np.nan_to_num(np.array(values, float))
-    reach = max(1, len(left) // _APART)
-    found: list[int] = []
-    while len(found) < PEAKS and len(left) and left.max() > 0:
-        frame = int(left.argmax())
-        found.append(frame)
-        left[max(0, frame - reach) : frame + reach + 1] = 0
-    return found

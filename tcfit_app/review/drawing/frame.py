@@ -250,13 +250,6 @@ class Frames:
         )
         return Other(someone=someone, body=body, layer=layer)
 
-    def extents(self, frame: Frame) -> tuple[Float[np.ndarray, "2 3"], ...]:
-        """Extents over the clip of the other people, in the space of the fit on show, as far as known."""
-        if (held := frame.shown.held) is None:
-            return ()
-        rooms = [one.someone.data.room(one.body.shown, held, self._data) for one in frame.others]
-        return tuple(room.extent for room in rooms if room is not None)
-
 
 def _label(shown: OnShow, side: Slot | None, present: Present) -> tuple[str, str]:
     """Name and colour of a fit; of the video for no side."""

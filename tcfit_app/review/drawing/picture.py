@@ -108,7 +108,7 @@ class Picture:
         side = None
         if frame.side is not None:  # empty until the extent over the clip is known
             bodies = () if frame.room is None else tuple(frame.visible[side] for side in sorted(frame.visible))
-            side = SidePoster(view=frame.side, bodies=bodies, others=others if bodies else ())
+            side = SidePoster(view=frame.side, bodies=bodies)
         posters = tuple(
             Poster(image=frame.image, bodies=made, others=others) if place else Poster(image=frame.image, plain=True)
             for place, made in zip(frame.shown.places, frame.places, strict=True)
@@ -124,7 +124,6 @@ class Picture:
             camera=shown.camera,
             bodies=bodies,
             others=others,
-            others_extents=self._frames.extents(frame),
             extents=tuple(None if own is None else own.extent for own in rooms),
             image=frame.image,
             turn=np.eye(3) if room is None else room.turn,

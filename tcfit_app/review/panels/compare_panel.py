@@ -2,18 +2,14 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
 import viser
-from jaxtyping import Float
 
 from fitting_core.camera import Camera
 from fitting_core.measure.references.files import POINT_FILES, read_reference
 from fitting_core.measure.references.reference import Reference
-from tcfit_app.analysis.curves import peaks
 from tcfit_app.analysis.run_metrics import ComparedMetric, compare
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.reports import Notice
@@ -31,7 +27,6 @@ from tcfit_app.review.panels.elements.html import (
     joined,
     line,
     paragraph,
-    row,
     table,
     text,
     words,
@@ -55,7 +50,7 @@ class ComparePanel:
     def __init__(self, gestures: Gestures) -> None:
         self._gestures, self._tab = gestures, gestures.tab
         tab = gestures.tab
-        self._head, self._peaks, self._against = (Board(tab) for _ in range(3))
+        self._head, self._against = Board(tab), Board(tab)
         self._figures = Board(tab)
         with tab.client.gui.add_folder("Reference", expand_by_default=False):
             self._reference = ReferenceField(tab)
@@ -67,7 +62,7 @@ class ComparePanel:
         self._reference.draw()
         if a is None or b is None:
             self._head.show(paragraph(_NO_FIT, "dim"))
-            for board in (self._peaks, self._against, self._figures):
+            for board in (self._against, self._figures):
                 board.show()
             return
         self._head.show(*self._heads(a, b))
@@ -87,9 +82,7 @@ class ComparePanel:
     def _draw_figures(self, a: Shown, b: Shown) -> None:
         """The figures available so far."""
         data = self._tab.data
-        apart = data.between(a, b)
         self._draw_against(a, b)
-        self._peaks.show(*([] if apart is None or a == b else self._peak_buttons(apart.values)))
         one, other = data.metrics(a), data.metrics(b)
         if one is None or other is None:
             self._figures.show(paragraph(self._reason(a, b), "dim"))
@@ -116,22 +109,6 @@ class ComparePanel:
         if running:
             return f"{running[0]} is still being fitted; its figures follow when it is done."
         return self._tab.data.problem("metrics", a) or self._tab.data.problem("metrics", b) or _MEASURING
-
-    def _peak_buttons(self, values: Float[np.ndarray, "T"]) -> list[Html]:
-        first, frames = self._tab.first_frame, peaks(values)
-        if not frames:
-            return []
-        buttons = (
-            button(
-                joined(text(first + frame), words(f": {values[frame]:.0f} mm", "dim")),
-                "compare.frame",
-                str(frame),
-                do=partial(self._tab.seek, frame),
-            )
-            for frame in frames
-        )
-        mean = f"Distance of joints; {np.nanmean(values):.1f} mm in the clip's mean."
-        return [heading("Frames that differ most"), row(*buttons, wrap=True), paragraph(mean, "dim")]
 
 
 def _table(rows: Iterable[ComparedMetric]) -> Html:

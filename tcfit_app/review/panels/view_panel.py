@@ -17,7 +17,6 @@ from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
     action,
-    button,
     choice,
     choices,
     dot,
@@ -150,7 +149,6 @@ NEWEST = "Newest"
 _LONGEST, _END = 28, 11
 """Characters of a run's name that are shown, and those of its end among them: longer ones do not fit the field."""
 _HINTS = {"a": "Left of A | B, and what blinking shows", "b": "Right of A | B; corrections are made to it"}
-_SWAP = "What was A becomes B: corrections are then made to it"
 _LEGEND = joined(dot(css(RUN_COLORS[0])), text("A"), Html("&emsp;"), dot(css(RUN_COLORS[1])), text("B"))
 
 
@@ -190,20 +188,13 @@ class RunsShown:
 
     def draw(self) -> None:
         """Update from the tab's state."""
-        tab, fits = self._tab, self._tab.session.fits
+        fits = self._tab.session.fits
         showable, chosen = fits.showable(), {self._choice(side).run for side in SLOTS}
         runs = [run for run in fits.runs if run in showable or run.id in chosen]
         self._head.show(
             heading("Fits on show", _LEGEND),
             row(
                 *switches(self._gestures, "fits"),
-                button(
-                    "Swap A and B",
-                    "runs.swap",
-                    do=lambda: tab.set(a=tab.state.b, b=tab.state.a),
-                    obstacle=ACTIONS["blinked"].obstacle(self._gestures),
-                    hint=_SWAP,
-                ),
             ),
         )
         named = [*zip(run_names(runs), runs, strict=True)]

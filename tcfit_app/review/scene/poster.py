@@ -64,8 +64,6 @@ class SidePoster:
     """Compared by identity."""
     bodies: tuple[BodyLayer, ...] = ()
     """At most two."""
-    others: tuple[BodyLayer, ...] = ()
-    """Of other people; only those that fit on the plate are drawn."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,7 +79,7 @@ class Posters:
 
     def __post_init__(self) -> None:
         assert 1 <= len(self.posters) <= _SLOTS
-        for poster in (*self.posters, *([self.side] if self.side else [])):
+        for poster in self.posters:
             assert len(poster.bodies) <= _SLOTS and len(poster.others) <= MOST_OTHERS
 
     @property
@@ -151,40 +149,25 @@ class PosterNodes:
         else:
             self._side.show(SIDE_PLATE, side.view.width)
             # No video would be visible through them.
-            self._side.draw(side.bodies, side.others, side.view, partial(_on_side, side.view), solid=True)
+            self._side.draw(side.bodies, (), side.view, partial(_on_side, side.view), solid=True)
 
     def set_visible(self, visible: bool) -> None:
         """Show or hide all of them."""
         self._root.visible = visible
 
 
-Reliefs = list[Float[np.ndarray, "V 3"] | None]
-"""Vertices on a poster of bodies, and of those of other people; None for those outside it."""
-Project = Callable[[Sequence[BodyLayer], Sequence[BodyLayer]], Reliefs]
+Project = Callable[[Sequence[BodyLayer]], list[Float[np.ndarray, "V 3"]]]
+"""Returns the vertices of bodies on a poster."""
 
 
-def _on_picture(camera: Camera, bodies: Sequence[BodyLayer], others: Sequence[BodyLayer]) -> Reliefs:
-    everybody = [*bodies, *others]
-    return [*relief([body.vertices for body in everybody], camera, [body.camera for body in everybody])]
+def _on_picture(camera: Camera, bodies: Sequence[BodyLayer]) -> list[Float[np.ndarray, "V 3"]]:
+    return relief([body.vertices for body in bodies], camera, [body.camera for body in bodies])
 
 
-def _on_side(
-    view: SideView, bodies: Sequence[BodyLayer], others: Sequence[BodyLayer]
-) -> list[Float[np.ndarray, "V 3"] | None]:
-    vertices, besides = [body.vertices for body in bodies], [body.vertices for body in others]
-    shifts = view.shifts(vertices)
-    # Other people keep their places relative to the corrected body, but neither move nor hide it: two people standing
-    # side by side before the camera overlap here.
-    beside = shifts[-1] if len(shifts) else np.zeros(2)
-    there = [view.holds(points, beside) for points in besides]
-    seen = [points for points, is_there in zip(besides, there, strict=True) if is_there]
-    behind = view.relief(seen, np.tile(beside, (len(seen), 1)))
-    front = np.float32(min((points[:, 2].min() for points in behind), default=0.0))
-    drawn = iter(behind)
-    return [
-        *(points + np.array([0, 0, front], np.float32) for points in view.relief(vertices, shifts)),
-        *(next(drawn) if is_there else None for is_there in there),
-    ]
+def _on_side(view: SideView, bodies: Sequence[BodyLayer]) -> list[Float[np.ndarray, "V 3"]]:
+    # Without other people: two who stand side by side before the camera would hide each other here.
+    vertices = [body.vertices for body in bodies]
+    return view.relief(vertices, view.shifts(vertices))
 
 
 class _Slot:
@@ -197,7 +180,7 @@ class _Slot:
         front = (0.0, 0.0, -_CLEARANCE)
         self._bodies = [BodyNode(client, body, dressing, front) for body in body_nodes(name)]
         self._source: tuple[object, ...] = ()
-        self._reliefs: list[np.ndarray | None] = []
+        self._reliefs: list[np.ndarray] = []
 
     def show(self, image: FrameImage, width: float) -> None:
         """Show it. Its node stays in place; the page moves it into the poster's window."""
@@ -228,15 +211,14 @@ class _Slot:
         everybody = (*bodies, *others)
         source = how, len(bodies), *(body.camera for body in everybody), *(body.vertices for body in everybody)
         if not _same(source, self._source):
-            self._reliefs = project(bodies, others)
+            self._reliefs = project(everybody)
             self._source = source
         reliefs = iter(self._reliefs)
         for node, body in zip_longest(self._bodies, (*bodies, *[None] * (_SLOTS - len(bodies)), *others)):
-            vertices = next(reliefs) if body else None
-            if body is None or vertices is None:
+            if body is None:
                 node.hide()
             else:
-                node.draw(body, vertices, solid=solid, lines=not solid)
+                node.draw(body, next(reliefs), solid=solid, lines=not solid)
 
 
 def _same(a: tuple[object, ...], b: tuple[object, ...]) -> bool:

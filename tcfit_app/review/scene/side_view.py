@@ -95,10 +95,6 @@ class SideView:
         shifts = np.array([together + _onto(box + together, self.half) for box in found])
         return shifts if self.floor is None else shifts * [1.0, 0.0]
 
-    def holds(self, vertices: Float[np.ndarray, "V 3"], shift: Float[np.ndarray, "2"]) -> bool:
-        """Whether a body is entirely on the plate with this shift."""
-        return bool((np.abs(self.flat(vertices) + shift) <= self.half).all())
-
     def relief(
         self, bodies: Sequence[Float[np.ndarray, "V 3"]], shifts: Float[np.ndarray, "n 2"]
     ) -> list[Float[np.ndarray, "V 3"]]:

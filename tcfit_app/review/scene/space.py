@@ -57,8 +57,6 @@ class Space:
     """The first of two bodies is drawn faintly, so that it does not hide the other one in the same place."""
     others: tuple[BodyLayer, ...] = ()
     """Of other people, at most MOST_OTHERS."""
-    others_extents: tuple[Float[np.ndarray, "2 3"], ...] = ()
-    """Their extents over the whole clip, as far as known."""
     image: FrameImage | None = None
     """The frame, drawn in the camera's frustum. None: not ready. Compared by identity."""
     turn: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
@@ -89,7 +87,6 @@ class Space:
             extent((body.vertices @ self.turn.T + self.place)[None]) if known is None else known
             for body, known in zip(self.bodies, extents, strict=True)
         ]
-        corners += self.others_extents if corners else ()
         return np.stack([np.min(corners, (0, 1)), np.max(corners, (0, 1))]) if corners else None
 
 

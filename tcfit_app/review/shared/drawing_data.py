@@ -169,15 +169,13 @@ class DrawingData:
         """The camera's tilt and the floor according to a run; None if unknown, or not computed yet."""
         return None if shown.result is None else level_of(self.session.fits.fit(shown.run).grounding)
 
-    def room(self, shown: Shown, held: Shown, of: "DrawingData | None" = None) -> Room | None:
+    def room(self, shown: Shown, held: Shown) -> Room | None:
         """The space in which a run's person moves; None while it is computed, or if there is no body yet.
 
         Args:
             shown: The run.
             held: The run that determines the camera's tilt, possibly another one.
-            of: The person whose run that is; None: this one.
         """
-        holder = of or self
         meshes = self.meshes(shown)
         if shown.there is not None and not shown.there.any():
             return None
@@ -187,8 +185,8 @@ class DrawingData:
             sample = there[:: -(-len(there) // _SAMPLED)].tolist()
             return room_around(shown.camera[sample].to_still(meshes.batch(shown.params[sample])), level)
 
-        level = holder.level(held)
-        return self.tasks.get(("room", _stage(shown), id(holder), _stage(held)), made)
+        level = self.level(held)
+        return self.tasks.get(("room", _stage(shown), _stage(held)), made)
 
     def body_points(self, body: FrameBody) -> Float[np.ndarray, "25 3"]:
         """A body's BODY_25 keypoints in camera space, metres, NaN for missing ones."""

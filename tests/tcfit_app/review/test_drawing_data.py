@@ -54,7 +54,7 @@ def test_frames_that_looked_fine_are_looked_at_again_after_another_fit(
 ):
     fine: list[frozenset[int]] = []
 
-    def queue(posed: object, found: object, *, checked: frozenset[int], limbs: object) -> ReviewQueue:
+    def queue(found: object, *, checked: frozenset[int], limbs: object) -> ReviewQueue:
         fine.append(checked)
         return ReviewQueue(left=(), looked_at=0)
 
