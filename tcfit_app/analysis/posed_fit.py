@@ -27,7 +27,7 @@ _NEAR = 0.01
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PosedFit:
-    """The poses of a fit over a clip, or over consecutive frames of one. Positions are evaluated lazily.
+    """The poses of a fit over a clip. Positions are evaluated lazily.
 
     Thread-safe: two concurrent requests evaluate twice, with the same result.
     """
@@ -101,16 +101,6 @@ class PosedFit:
 
     def __len__(self) -> int:
         return len(self.params)
-
-    def __getitem__(self, frames: slice) -> "PosedFit":
-        """Consecutive frames, measured on their own: nothing outside is evaluated."""
-        cost = None if self.frame_cost is None else self.frame_cost[frames]
-        clip = replace(self.clip, keypoints=self.clip.keypoints[frames], camera=self.clip.camera[frames])
-        there = None if self.there is None else self.there[frames]
-        bars = None if self.error_bars is None else self.error_bars[frames]
-        part = replace(self, clip=clip, params=self.params[frames], bad=self.bad[frames])
-        grounding = None if self.grounding is None else self.grounding[frames]
-        return replace(part, frame_cost=cost, there=there, error_bars=bars, grounding=grounding)
 
     @property
     def motion(self) -> Motion:

@@ -287,7 +287,7 @@ class EditFollower:
         return {edit: stands for edit, stands in edits.items() if self._project.standing.stood(edit) == stands}
 
     def _frames(self, edits: Iterable[int]) -> set[int]:
-        return {frame for edit in edits for frame in self._project.frames_changed(edit)}
+        return {frame for edit in edits for frame in self._project.standing.said(edit).frames}
 
     def _windows(self, edits: Iterable[int]) -> tuple[range, ...]:
         return around(self._frames(edits), LIVE_REACH, len(self._project.detections))
@@ -326,7 +326,9 @@ class EditFollower:
         later = {frame for frames in project.frames_changed_after(job.edits_seen).values() for frame in frames}
         windows = tuple(window for window in inner.windows if later.isdisjoint(window))
         dropped = {frame for window in inner.windows if window not in windows for frame in window}
-        again = {edit: on for edit, on in job.edits.items() if not dropped.isdisjoint(project.frames_changed(edit))}
+        again = {
+            edit: on for edit, on in job.edits.items() if not dropped.isdisjoint(project.standing.said(edit).frames)
+        }
         self.follow(project.runs.get(job.origin), again)
         if windows:
             provenance = fit.last.provenance or Provenance.unknown(len(fit.last.params))

@@ -439,12 +439,8 @@ class Project:
             first = bisect_right(self._log, seen, key=lambda entry: entry.id)
             return frames_changed(self._log[first:], self._history.standing.said)
 
-    def edits_since(self, seen: int) -> int:
-        """How many edits stand now but did not after the entry `seen`, or vice versa."""
-        return self.standing.differing(seen)
-
     def frames_edited_since(self, seen: int) -> frozenset[int]:
-        """The frames of the edits counted by `edits_since`."""
+        """The frames of the edits that stand now but did not after the entry `seen`, or vice versa."""
         changed = self.standing.changes(seen)
         return frozenset(frame for said in changed if not isinstance(said, Remark) for frame in said.frames)
 
@@ -452,10 +448,6 @@ class Project:
     def standing(self) -> Standing[Said]:
         """Which edits and remarks stand, and stood after each entry of the log."""
         return self._history.standing
-
-    def frames_changed(self, edit: int) -> tuple[int, ...]:
-        """The frames that the edit with this id changes."""
-        return self.standing.said(edit).frames
 
     @property
     def last_edit(self) -> int:

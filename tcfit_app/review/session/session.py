@@ -410,7 +410,7 @@ class Session:
 
     def edits_since(self, run: Run) -> int:
         """How many edits were made or undone since a run."""
-        return self.project.edits_since(run.edits_seen)
+        return self.project.standing.differing(run.edits_seen)
 
     def as_corrected(self, run: Run) -> Run:
         """The run that shows a run's current corrections; a run of corrections shows its own, and the run that they

@@ -51,8 +51,6 @@ _WAITING = 16
 """Number of pending requests; older ones have been skipped over."""
 _RETRY = 2.0
 """Seconds after which a frame or a video that could not be read is tried again."""
-_BLOCK = 12
-"""Frames per block that are decoded in ascending order for backward playback."""
 
 Wanted = tuple[int, FrameSize]
 
@@ -120,11 +118,11 @@ class VideoFrames:
         """Decode frames that will be played soon, at the playing size.
 
         Args:
-            frames: In playing order: forwards, backwards, around a loop.
+            frames: In playing order.
             reader: Who plays; replaces the reader's previous frames.
         """
         kept = self._kept["playing"]
-        coming: deque[Wanted] = deque((frame, kept) for frame in _forward(list(frames)) if frame in self.numbers)
+        coming: deque[Wanted] = deque((frame, kept) for frame in frames if frame in self.numbers)
         with self._changed:
             self._coming[reader] = coming
             self._changed.notify_all()
@@ -239,14 +237,6 @@ def _reason(error: Exception) -> str:
         return str(error)
     _log.error("A frame cannot be shown", exc_info=error)
     return f"{type(error).__name__}: {error}"
-
-
-def _forward(frames: list[int]) -> list[int]:
-    """An order in which a video decodes quickly: descending frames in ascending blocks, the first one first."""
-    backwards = len(frames) > 1 and frames[1] < frames[0]
-    if not backwards:
-        return frames
-    return [frame for start in range(0, len(frames), _BLOCK) for frame in reversed(frames[start : start + _BLOCK])]
 
 
 def shown_size(size: tuple[int, int], shown: FrameSize) -> tuple[int, int]:

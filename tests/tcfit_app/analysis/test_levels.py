@@ -39,4 +39,3 @@ def test_feet_stand_seem_to_stand_or_are_in_the_air_where_they_are_seen(tiny_bod
     left, right = level_spans("contacts", fit)
     assert left == (((2, 2),), ((1, 1),), ((0, 0),)) and right == (((0, 0),), (), ((2, 2),)), "unseen in frame 1"
     assert level_spans("contacts", replace(fit, grounding=None)) == (((), (), ()),) * 2
-    assert level_spans("contacts", fit[1:])[0] == (((1, 1),), ((0, 0),), ())

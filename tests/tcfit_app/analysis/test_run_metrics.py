@@ -88,7 +88,7 @@ def test_a_fit_of_a_project_takes_camera_space_and_costs_along(tiny_body: BodyMo
     )
     found = PosedFit.of(fit.clip, result, fit.meshes)
     assert found.clip.camera == camera and found.space == "body" and found.params is last.params
-    assert found.frame_cost is last.frame_cost and found[1:3].frame_cost is not None
+    assert found.frame_cost is last.frame_cost
     assert PosedFit.of(fit.clip, result, fit.meshes, phase=result.phases[0]).params is params
 
 

@@ -209,7 +209,7 @@ def test_marks_are_undone_and_redone_as_edits_are(folder: Path):
         )
     with Project.open(folder) as project:
         assert states() == {3: "checked", 4: "checked"} and project.undoable == fine
-        assert project.edits_since(3) == 0, "a mark is no correction that a fit would have to follow"
+        assert project.standing.differing(3) == 0, "a mark is no correction that a fit would have to follow"
 
 
 def test_what_came_before_a_mark_is_told_by_no_clock(folder: Path, monkeypatch: pytest.MonkeyPatch):

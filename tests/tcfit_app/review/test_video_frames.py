@@ -16,7 +16,7 @@ import pytest
 
 from fitting_core.video.frames import FrameSource
 from tcfit_app.review.shared import video_frames
-from tcfit_app.review.shared.video_frames import FrameSize, VideoFrames, _forward, encoded, placeholder, shown_size
+from tcfit_app.review.shared.video_frames import FrameSize, VideoFrames, encoded, placeholder, shown_size
 
 COUNT, SIZE, STEP = 24, (1200, 640), 10
 
@@ -187,11 +187,6 @@ def test_the_rest_of_the_clip_leaves_half_of_the_memory(opened: Callable[..., Vi
     until(lambda: frames._cache.used >= 5 * one * 0.9)
     time.sleep(0.1)
     assert frames._cache.used < 7 * one
-
-
-def test_playing_backwards_decodes_forwards():
-    assert _forward(list(range(30, 0, -1))) == [*range(19, 31), *range(7, 19), *range(1, 7)]
-    assert _forward([5, 6, 1, 2]) == [5, 6, 1, 2] and _forward([4]) == [4] and _forward([]) == []
 
 
 @pytest.mark.parametrize("source", [None, "gone.mp4", "text.mp4"])
