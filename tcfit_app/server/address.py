@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fitting_core.errors import InputError
 
 PORTS_TRIED = 100
-"""How many ports are looked at, from the asked one upwards."""
+"""Number of ports tried, from the requested one upwards."""
 _HOST_HEADER = re.compile(r"(\[[0-9a-f:.]+\]|[a-z0-9._-]+)(:[0-9]{1,5})?")
 
 
@@ -18,27 +18,27 @@ class Address:
     """An address that a socket is bound to."""
 
     asked: str
-    """The host as the user gave it: a name or an address."""
+    """The requested host: a name or an address."""
     ip: ipaddress.IPv4Address | ipaddress.IPv6Address
     port: int
 
     @property
     def loopback(self) -> bool:
-        """Whether only this computer reaches it."""
+        """Whether it is reachable from this computer only."""
         return self.ip.is_loopback
 
     @property
     def url(self) -> str:
-        """How a browser on this computer reaches it, without a slash at the end."""
+        """Its URL for a browser on this computer, without a trailing slash."""
         any_address = "127.0.0.1" if self.ip.version == 4 else "::1"
         return f"http://{_in_url(any_address if self.ip.is_unspecified else self.asked)}:{self.port}"
 
     def accepts(self, host_header: str) -> bool:
         """Whether a request's Host names this server.
 
-        The owner of any name could point it here (DNS rebinding), so only known names pass. An address
-        is no name: where other computers may connect, every address passes, because behind a container's or a router's
-        translation it is not ours. The port is free, so that it may be another one at the end of an SSH tunnel.
+        Anyone could point a name of theirs here (DNS rebinding), so only known names pass. Addresses cannot be
+        misused: if other computers may connect, every address passes, because a container or router may translate
+        ours. Any port passes, because an SSH tunnel may end at another one.
         """
         match = _HOST_HEADER.fullmatch(host_header.lower())
         if match is None:
@@ -50,8 +50,8 @@ class Address:
 
 
 def listen(host: str, port: int) -> tuple[socket.socket, Address]:
-    """A listening socket at the asked port (0: any), or at the next free one. Raises InputError if the host is not one
-    of this computer's, or no port is free or allowed."""
+    """A listening socket at the requested port (0: any), or at the next free one. Raises InputError if the host is not
+    one of this computer's, or no port is free or allowed."""
     if not 0 <= port < 2**16:
         raise InputError(f"There is no port {port}. Give one from 1 to 65535, or 0 for any that is free.")
     try:

@@ -1,4 +1,4 @@
-"""Who may talk to the review app: browsers let in by a one-time link or a password, and only from the app's own page.
+"""Access control of the review app: browsers admitted by a one-time link or a password, from the app's own page only.
 
 viser itself answers any client, even a foreign web page in a browser on the same computer. The gate checks each request
 first, for the page or the websocket. It cannot stop a reader of this user's terminal, memory or cookies; connections
@@ -52,17 +52,17 @@ _PLACES = 1000
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """How browsers on other computers come in."""
+    """Access for browsers on other computers."""
 
     password: str = ""
-    """Lets any number of browsers in; may be empty."""
+    """Admits any number of browsers; may be empty."""
     public: str = ""
     """The address under which a proxy offers the server, such as https://fits.example.org; may be empty."""
 
     @property
     def for_others(self) -> bool:
-        """Whether browsers on other computers are expected. A proxy on this computer may connect for them, and the
-        headers that it adds are up to it: no connection shows then that a browser is on this computer."""
+        """Whether browsers on other computers are expected. A proxy on this computer may then connect for them, so no
+        connection proves that a browser is local."""
         return bool(self.password or self.public)
 
     def is_at(self, host_header: str) -> bool:
@@ -103,18 +103,18 @@ class Gate:
         entry: Entry | None = None,
         site: Site | None = None,
     ) -> None:
-        """A gate that is closed to browsers without the link, or the password if there is one.
+        """A gate that admits browsers with the link, or with the password if one is set.
 
         Args:
             address: Where the server listens.
-            entry: How else browsers on other computers may come in.
+            entry: Access for browsers on other computers.
             scripts: JavaScript modules by their paths, for browsers that were let in.
             admitted: Called after each new browser, when `link` is a fresh one.
             site: What is served; None: one review, at HOME.
         """
         self._address, self.entry, self.site = address, entry or Entry(), site
         self._wrong: OrderedDict[str, deque[float]] = OrderedDict()
-        """When passwords were wrong, the last ones, by the place that they came from."""
+        """Times of the last wrong passwords, by origin."""
         self._scripts = scripts or {}
         self._admitted = admitted
         # Cookies do not tell ports apart: without it two servers on one computer would overwrite each other's.
@@ -125,12 +125,12 @@ class Gate:
 
     @property
     def link(self) -> str:
-        """What to open in the next browser."""
+        """The link for the next browser."""
         with self._lock:
             return (self.entry.public or self._address.url) + self._entrance()
 
     def answer(self, request: Request, address: str = "") -> Response | None:
-        """The answer that a request from `address` gets without reaching viser; None if viser may answer."""
+        """The answer to a request that must not reach viser; None if viser may answer."""
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
         public = len(hosts) == 1 and self.entry.is_at(hosts[0])
         if len(hosts) != 1 or not (public or self._address.accepts(hosts[0])):
@@ -157,7 +157,7 @@ class Gate:
         return _page(HTTPStatus.FORBIDDEN, _UNKNOWN)
 
     def _ask(self, request: Request, place: str, *, secure: bool) -> Response:
-        """The password, which the browser asks for in a window of its own (RFC 7617), with any name."""
+        """Check the password, which the browser requests (RFC 7617); any name is accepted."""
         given = request.headers.get_all("Authorization")
         wrong, now = self._wrong.get(place, ()), time.monotonic()
         if len(wrong) == _TRIES and now - wrong[0] < _MINUTE:
@@ -174,7 +174,7 @@ class Gate:
         return _page(HTTPStatus.UNAUTHORIZED, _PASSWORD, {"WWW-Authenticate": 'Basic realm="tcfit", charset="UTF-8"'})
 
     def _lead(self, path: str, websocket: bool) -> Response | None:
-        """Lets a known browser through to viser's page, and answers for all other paths."""
+        """None for the paths of viser's page; the answer for all others."""
         place = _PLACE.fullmatch(path)
         if place is not None and (path == place[1] or not websocket) and self._has_review(place[1]):
             return None
@@ -224,8 +224,8 @@ class Gate:
 
 
 def _going_on(path: str, headers: dict[str, str] | None = None) -> Response:
-    """A page that goes on by itself, not a redirect: after a click on a link in another page or program, browsers would
-    follow the redirect without the strict cookie."""
+    """A page that reloads itself at a path. It is not a redirect: after a click on a link in another page or program,
+    browsers would follow a redirect without the strict cookie."""
     there = escape(path)
     going_on = f"<meta http-equiv='refresh' content='0; url={there}'><a href='{there}'>To the review.</a>"
     return _page(HTTPStatus.OK, going_on, headers)
@@ -237,7 +237,7 @@ def busy() -> Response:
 
 
 def protect(headers: Headers) -> None:
-    """Adds PROTECTION to an answer's headers, in place."""
+    """Add PROTECTION to an answer's headers, in place."""
     for name, value in PROTECTION.items():
         if name in headers:
             del headers[name]
@@ -250,7 +250,7 @@ def _sent_from(headers: Headers) -> str:
 
 
 def _place(address: str) -> str:
-    """Where an address is: of IPv6 its network, for a computer has as many of those as it likes."""
+    """The origin to count by: an IPv4 address, or an IPv6 network, because a computer can take any address in it."""
     ip = ip_in(address)
     if ip is None:
         return address
@@ -258,7 +258,7 @@ def _place(address: str) -> str:
 
 
 def _signed_in(authorization: str) -> tuple[str, str]:
-    """Name and password of a header Authorization; both empty if it has none. Of a name what is fit to be shown."""
+    """Name (printable characters only) and password of a header Authorization; empty if missing."""
     scheme, _, code = authorization.partition(" ")
     try:
         text = base64.b64decode(code.strip(), validate=True).decode() if scheme.lower() == "basic" else ""
@@ -269,7 +269,7 @@ def _signed_in(authorization: str) -> tuple[str, str]:
 
 
 def _decoded(name: str) -> str:
-    """Of a cookie; empty if it holds none."""
+    """The name in a cookie; empty if it has none."""
     try:
         return base64.urlsafe_b64decode(name + "=" * (-len(name) % 4)).decode()
     except ValueError:
@@ -277,7 +277,7 @@ def _decoded(name: str) -> str:
 
 
 def _same(found: str, expected: str) -> bool:
-    """Compares in constant time; `found` may hold any characters."""
+    """Compare in constant time; `found` may hold any characters."""
     return secrets.compare_digest(found.encode(errors="surrogateescape"), expected.encode())
 
 

@@ -34,26 +34,25 @@ from tcfit_app.server.screen import Screen
 from tcfit_app.server.uploads import UploadRoom
 
 REQUEST_SECONDS = 30.0
-"""How long one request may take, from the connection to the answer's last byte: the page (0.7 MB) at 22 KB/s."""
+"""Time limit of a request, from the connection to the answer's last byte: the page (0.7 MB) at 22 KB/s."""
 GOODBYE_SECONDS = 1.0
-"""How long browsers have to hang up when the server stops."""
+"""Time for browsers to disconnect when the server stops."""
 WAITING = 40
-"""Connections that may wait for a request or its answer; a browser has six at a time."""
+"""Maximum number of connections without an answer; a browser has six at a time."""
 BACKLOG = 64
-"""New connections that may be waiting to be taken, and are taken at once. Fewer, and a page that comes with a crowd has
-to knock again, a second later."""
+"""Length of the queue of new connections. With fewer, a page in a crowd must retry a second later."""
 PAGES = 32
-"""Websockets that may be open, one for each tab."""
+"""Maximum number of open websockets, one for each tab."""
 _TOLD_AGAIN = 60.0
 """Seconds between two warnings that no connection can be taken."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Visitor:
-    """Whose browser a client is."""
+    """The user of a browser."""
 
     here: bool = False
-    """It runs on this computer."""
+    """The browser runs on this computer."""
     name: str = ""
     """The sign-in name; may be empty."""
     path: str = HOME
@@ -94,8 +93,8 @@ _log.setLevel(logging.INFO)
 
 
 def _is_no_noise(record: logging.LogRecord) -> bool:
-    """Drops the tracebacks about connections that sent no proper request, for they quote it, and about browsers that
-    left before they were answered, as in a reload. They are closed."""
+    """Drop the tracebacks of malformed requests, which they quote, and of browsers that left before the answer, as in a
+    reload."""
     return not (record.exc_info and isinstance(record.exc_info[1], InvalidMessage | ConnectionClosed))
 
 
@@ -139,7 +138,7 @@ def gated_viser(listening: socket.socket, gate: Gate, site: TalkingSite | None =
 
 
 def visitor(server: viser.ViserServer, client: int) -> Visitor:
-    """Whose browser a client of a gated server is, by its number."""
+    """The user of a client of a gated server, by the client's number."""
     return _visitors.get(server, {}).get(client, Visitor())
 
 
@@ -170,7 +169,7 @@ def _screened(
 
 
 def is_here(gate: Gate, address: str, headers: Headers) -> bool:
-    """Whether a request from `address` is certainly of a browser on this computer."""
+    """Whether a request certainly comes from a browser on this computer."""
     return not gate.entry.for_others and on_this_computer(address, headers)
 
 
@@ -217,7 +216,7 @@ def _checked(gate: Gate, answer: Callable[[Any, Request], Response | None]) -> C
 
 
 def _hang_up(server: websockets.asyncio.server.Server) -> None:
-    """Ends connections that stopping would wait for: browsers keep idle ones open, and a sleeping tab does not answer.
+    """End connections that would delay the stop: browsers keep idle ones open, and a sleeping tab does not answer.
 
     viser's stop waited 6 s for each such connection, and left its thread behind.
     """
@@ -227,7 +226,7 @@ def _hang_up(server: websockets.asyncio.server.Server) -> None:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keeps viser's notices about its start and end off the terminal."""
+    """Suppress viser's messages about its start and end."""
     console = rich.get_console()
     before, console.quiet = console.quiet, True
     try:
@@ -240,7 +239,7 @@ def _quiet() -> Iterator[None]:
 
 
 def hang_up(server: Server, *, keep: int) -> None:
-    """Close connections that wait, until `keep` are left: idle ones first, and of the others the old ones."""
+    """Close connections without an answer until `keep` are left: idle ones first, then the oldest."""
     waiting = [connection for connection in server.handlers if connection.protocol.state is State.CONNECTING]
     waiting.sort(key=lambda connection: connection.request is not None)
     for connection in waiting[: max(len(waiting) - keep, 0)]:
@@ -251,7 +250,7 @@ _END = b"\r\n\r\n"
 
 
 class Connection(ServerConnection):
-    """A connection that makes room for itself, and reads nothing between a request and its answer.
+    """A connection that closes old ones if there are too many, and reads nothing between a request and its answer.
 
     Browsers send nothing there. websockets would take it for part of a websocket that does not exist yet, and stumble.
     """

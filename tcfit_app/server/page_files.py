@@ -1,4 +1,4 @@
-"""Which files of this computer a page may name.
+"""The files of this computer that a page may name.
 
 The gate admits browsers to one project, not to everything that the user may read. A path typed into a page counts only
 if the browser runs on this computer, or if the server was started with a folder for such
@@ -17,16 +17,16 @@ from fitting_core.errors import InputError
 from tcfit_app.server.address import ip_in
 
 _LONGEST = 4096
-"""Characters of a path, which is what Linux takes."""
+"""Maximum length of a path on Linux, in characters."""
 _FORWARDED = ("Forwarded", "Via", "X-Forwarded-For", "X-Forwarded-Host", "X-Forwarded-Proto", "X-Real-IP")
-"""A proxy on this computer sends one of these for browsers that are elsewhere."""
+"""Headers by which a proxy on this computer reveals remote browsers."""
 
 
 def on_this_computer(address: str, headers: Headers) -> bool:
     """Whether a request comes from this computer itself.
 
     Args:
-        address: The other end of its connection. What headers say of that is not believed: anybody can send them.
+        address: The other end of its connection; headers are not trusted for it.
         headers: The request's; one from a proxy counts as remote.
     """
     ip = ip_in(address)
@@ -42,7 +42,7 @@ class PageFiles:
     here: bool
     """Whether the page is open on this computer."""
     root: Path | None = None
-    """The folder below which everything must lie, for all pages; None: pages on this computer may name any file."""
+    """Folder to which all pages are restricted; None: pages on this computer may name any file."""
 
     def path(self, text: str) -> Path:
         """The path that a user typed; it need not exist. Raises InputError if it is no path, leads to something that is
@@ -55,7 +55,7 @@ class PageFiles:
         if self.root is None and not self.here:
             raise InputError(
                 "Paths are only taken from a browser on the computer that runs tcfit. Upload the file instead, or have "
-                "tcfit started with --files and a folder from which everybody may choose."
+                "tcfit started with --files DIR, a folder that all pages may use."
             )
         if not given or len(given) > _LONGEST:
             raise InputError(f"The path has {len(given)} characters; expected 1 to {_LONGEST}.")
