@@ -17,7 +17,7 @@ from fitting_core.motion import Progress
 from tcfit_app.cli.json_lines import Note, Step, StepDone, emit, emit_wrote
 from tcfit_app.cli.progress import bar
 from tcfit_app.exports.exporting import write_export
-from tcfit_app.exports.from_path import formats_of, numbers_of, source_of, target, wished_frames
+from tcfit_app.exports.from_path import formats_of, frame_range, numbers_of, source_of, target
 from tcfit_app.exports.motions import write_everybody
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import exports
@@ -25,11 +25,11 @@ from tcfit_app.options.export import LIST, ExportOptions
 
 
 def run_export(options: ExportOptions) -> None:
-    """Write what the options ask for, and say on the standard output what was written.
+    """Write the requested files, and list them on standard output.
 
     Raises:
-        InputError: The options name something that is not there, or that cannot be written.
-        KeyboardInterrupt: Cancelled; files that were whole by then stay.
+        InputError: Something that the options name is missing, or cannot be written.
+        KeyboardInterrupt: Cancelled; completed files stay.
     """
     if options.formats == (LIST,):
         print(_listed())
@@ -44,7 +44,7 @@ def run_export(options: ExportOptions) -> None:
     markers = STANDARD if options.markers is None else read_marker_set(options.markers)
     with _opened(options.path, options) as found:
         source = replace(found, markers=markers)
-        whole = source if options.frames is None else source[wished_frames(options.frames, source)]
+        whole = source if options.frames is None else source[frame_range(options.frames, source)]
         targets = {name: target(name, whole, options) for name in formats}
         for name, path in targets.items():
             _write_one(name, path, partial(write_export, exports()[name], whole, path, zipped=False))
@@ -52,7 +52,7 @@ def run_export(options: ExportOptions) -> None:
 
 @contextmanager
 def _opened(path: Path, options: ExportOptions) -> Iterator[ExportSource]:
-    """What there is to export, as `source_of`; what its user should know of it is said."""
+    """The source at a path, as of `source_of`; print its notes."""
     with source_of(path, options) as source:
         for note in source.notes:
             emit(Note(text=note))
@@ -61,12 +61,12 @@ def _opened(path: Path, options: ExportOptions) -> Iterator[ExportSource]:
 
 
 def _write_one(name: str, path: Path, write: Callable[[Progress], str | None]) -> None:
-    """Write one export, and say so.
+    """Write one export, and report it.
 
     Args:
         name: Of EXPORTS.
-        path: Where to; its folder is made.
-        write: Writes it, and returns what a person should know of it.
+        path: The target; its folder is made.
+        write: Writes it, and returns a note for the user.
     """
     emit(Step(step=name, title=exports()[name].title))
     folder = path.parent.absolute()
@@ -113,7 +113,7 @@ def _export_people(folder: Path, formats: Sequence[str], options: ExportOptions)
         apart = [name for name in formats if name != _TOGETHER]
         targets = [(name, source, target(name, source, options)) for source in sources for name in apart]
         _refuse_same([path for _, _, path in targets], folder)
-        # One file, whose name is the clip's; what can be found wrong with anybody is found now.
+        # One file, named after the clip; every person is checked before anything is written.
         checked = sources if _TOGETHER in formats else []
         together = [target(_TOGETHER, replace(source, name=people.name), options) for source in checked]
         for name, source, path in targets:
@@ -123,20 +123,20 @@ def _export_people(folder: Path, formats: Sequence[str], options: ExportOptions)
 
 
 def _refuse_same(paths: Sequence[Path], folder: Path) -> None:
-    """Raise InputError where one person's file would replace another's: names in files have fewer characters."""
+    """Raise InputError if two people's files would have the same name: file names allow fewer characters."""
     names = [path.name.casefold() for path in paths]
     if twice := next((path for path in paths if names.count(path.name.casefold()) > 1), None):
         raise InputError(f"{twice}: would be the file of two people. Give them other names in {folder / PEOPLE_NAME}.")
 
 
 def _sources(folder: Path, people: People, options: ExportOptions, stack: ExitStack) -> list[ExportSource]:
-    """What there is of each person in the wished frames; who is not there then is left out."""
+    """The sources of all people in the requested frames; absent people are left out."""
     begin, end = (None, None) if options.frames is None else numbers_of(options.frames)
     found: list[ExportSource] = []
     for person in people.people:
         if not (folder / person.folder).is_dir():
             raise InputError(
-                f"{folder / person.folder}: is not there. Put it back, or take {person.name} out of {PEOPLE_NAME}."
+                f"{folder / person.folder}: is missing. Restore it, or remove {person.name} from {PEOPLE_NAME}."
             )
         source = stack.enter_context(_opened(folder / person.folder, options))
         if (part := source.between(begin, end)) is not None:

@@ -17,7 +17,7 @@ _ZIPPING = 0.15
 
 
 def file_name(export: Export, name: str, *, zipped: bool) -> str:
-    """What an export of a clip is called; `zipped` makes a folder one file."""
+    """The file name of a clip's export; `zipped` makes a folder one file."""
     return names.file_name(name, export.suffix + ".zip" * (export.many and zipped))
 
 
@@ -27,8 +27,7 @@ def write_export(export: Export, source: ExportSource, path: Path, progress: Pro
     The file or folder is replaced; `zipped` packs a folder into one file.
 
     Raises:
-        InputError: There is nothing to export, or something that writing needs is not there, or the folder holds files
-            that would be lost.
+        InputError: There is nothing to export, a requirement is missing, or the folder holds files that would be lost.
         OSError: It cannot be written.
     """
     path = path.absolute()  # a plugin may go to another folder
@@ -82,7 +81,7 @@ def _zip(folder: Path, path: Path, progress: Progress) -> None:
 
 
 def content_of(export: Export, source: ExportSource, progress: Progress) -> tuple[bytes, str | None]:
-    """An export as the content of one file, of which nothing stays on the disk, and what the user should know of it.
+    """The content of an export as one file, which is not kept on disk, and a note for the user.
 
     As `write_export`.
     """

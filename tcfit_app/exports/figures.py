@@ -20,7 +20,7 @@ from tcfit_app.exports.source import ExportSource
 
 
 def write_figures_csv(source: ExportSource, path: Path, progress: Progress) -> None:
-    """A row for each frame, a column for each curve of each fit; cells of what is not known are empty."""
+    """A row for each frame, a column for each curve of each fit; unknown values are empty."""
     columns = _figures(source, progress)
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
@@ -54,7 +54,7 @@ def _figures(source: ExportSource, progress: Progress) -> dict[str, np.ndarray]:
 
 
 def _cell(value: float) -> str:
-    """Empty for what is not known."""
+    """A cell's text; empty if unknown."""
     return "" if not np.isfinite(value) else f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
@@ -64,7 +64,7 @@ def as_json(content: object) -> bytes:
 
 
 def clip_stated(clip: Clip) -> dict[str, Any]:
-    """What a clip is, for files of keypoints and figures that have no place for it."""
+    """The clip's facts, for formats that cannot hold them."""
     return {
         "clip": clip.name,
         "frames": len(clip),

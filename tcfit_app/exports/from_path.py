@@ -1,4 +1,4 @@
-"""What there is to export at a path, and the files that are asked for: by `tcfit export`, or from the list of clips."""
+"""Exports of a path: their source and target files, for `tcfit export` and the list of clips."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,7 +24,7 @@ from tcfit_app.project.storage.run_record import BodyRecord, named
 
 
 def formats_of(wished: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of exports as wished. Raises InputError if one is not known."""
+    """The names of the requested exports. Raises InputError if one is unknown."""
     known = exports()
     for name in wished:
         if instead := REMOVED.get(name):
@@ -37,8 +37,8 @@ def formats_of(wished: tuple[str, ...]) -> tuple[str, ...]:
 
 @contextmanager
 def source_of(path: Path, options: ExportOptions) -> Iterator[ExportSource]:
-    """What there is to export at a path, with the run, the phase and the body models of the options. Raises InputError
-    if there is neither a project nor a result, or it lacks what the options name."""
+    """The project or result at a path, with the run, phase and body models of the options. Raises InputError if there
+    is neither, or if it lacks what the options name."""
     if is_project(path):
         with Project.open(path, read_only=True) as project:
             yield _of_project(project, options)
@@ -107,7 +107,7 @@ def _of_result(path: Path, options: ExportOptions) -> ExportSource:
 
 
 def _clip_name(path: Path) -> str:
-    """The clip's, which the summary knows; else the folder's."""
+    """The clip's name from the summary, otherwise the folder's."""
     folder = path if path.is_dir() else path.parent
     try:
         name = msgspec.json.decode(regular_file(folder / SUMMARY_NAME).read_bytes())["clip"]
@@ -119,18 +119,18 @@ def _clip_name(path: Path) -> str:
 # --- frames and files ---
 
 
-def wished_frames(wished: str, source: ExportSource) -> slice:
-    """Frames by their numbers in the video, both ends included."""
-    begin, end = numbers_of(wished)
+def frame_range(given: str, source: ExportSource) -> slice:
+    """A frame range given by numbers in the video, both ends included."""
+    begin, end = numbers_of(given)
     first, last = source.span
     begin, end = first if begin is None else begin, last if end is None else end
     if not first <= begin <= end <= last:
-        raise InputError(f"--frames {wished}: expected frames from {first} to {last}, the first not behind the last.")
+        raise InputError(f"--frames {given}: expected frames from {first} to {last}, the first not behind the last.")
     return slice(begin - first, end - first + 1)
 
 
 def numbers_of(wished: str) -> tuple[int | None, int | None]:
-    """First and last frame as given; None: left out."""
+    """The first and last frame; None if left out."""
     start, colon, stop = wished.partition(":")
     try:
         begin = int(start) if start else None
@@ -140,7 +140,7 @@ def numbers_of(wished: str) -> tuple[int | None, int | None]:
 
 
 def target(name: str, source: ExportSource, options: ExportOptions) -> Path:
-    """Where an export goes; raises InputError where it cannot be made or would replace something."""
+    """The target of an export. Raises InputError if it cannot be made or would replace something."""
     export = exports()[name]
     if source.known_motion is not None and export.needs != "motion":
         raise InputError(
@@ -153,5 +153,5 @@ def target(name: str, source: ExportSource, options: ExportOptions) -> Path:
         source.fit  # noqa: B018 - raises before anything is written
     path = options.out / file_name(export, source.name, zipped=False)
     if path.exists() and not options.overwrite:
-        raise InputError(f"{path}: is there already. Give --overwrite to replace it, or another --out.")
+        raise InputError(f"{path}: already exists. Give --overwrite to replace it, or another --out.")
     return path

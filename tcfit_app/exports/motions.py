@@ -36,7 +36,7 @@ def write_everybody(sources: Sequence[ExportSource], path: Path, progress: Progr
 
     Raises:
         InputError: A person has no fit.
-        OSError: It cannot be written; nothing is left of it.
+        OSError: It cannot be written; no file is left.
     """
     motions = [replace(replace(source, axes=None).motion("camera"), name=source.name) for source in sources]
     return write_together(path, motions, [source.grounding for source in sources], name=name, progress=progress)
@@ -53,10 +53,10 @@ def write_together(
     """Write motions of people in camera space, with their names, into one GLB, all on the floor that is seen best.
 
     Returns:
-        How many there are, and whose floor it is.
+        Their number, and whose floor was used.
 
     Raises:
-        OSError: It cannot be written; nothing is left of it.
+        OSError: It cannot be written; no file is left.
     """
     from fitting_core.io.motion.glb import write_people_glb  # here: pygltflib would take 0.4 s of every start
 
@@ -70,7 +70,7 @@ def write_together(
 
 
 def write_skeleton(source: ExportSource, folder: Path, progress: Progress) -> None:
-    """A skeleton, and beside it what BVH cannot hold."""
+    """A skeleton, with a JSON file for what BVH cannot hold."""
     motion = source.motion(MOTION_FILES[".bvh"].axes)
     (folder / FACTS_NAME).write_bytes(as_json(stated_by_frame(motion)))
     write_bvh(folder / f"{file_stem(motion.name)}.bvh", motion, progress)

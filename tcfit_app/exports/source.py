@@ -1,4 +1,4 @@
-"""What there is to export: the motion of a fit, and what a project knows around it."""
+"""The source of an export: the motion of a fit, and its project."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -35,11 +35,11 @@ class ExportedFit:
 
     @property
     def body(self) -> BodyModel:
-        """With which it was fitted."""
+        """The fitted body model."""
         return self.meshes.body
 
     def motion(self, clip: Clip) -> Motion:
-        """All of its frames, in camera space."""
+        """The motion of all frames, in camera space."""
         return Motion(
             body=self.body,
             params=self.shown.params,
@@ -54,7 +54,7 @@ class ExportedFit:
 
     @property
     def embedding(self) -> Float[Tensor, "T 32"] | None:
-        """The body poses in numbers of the latent prior that they were fitted with; None without one."""
+        """The body poses as coefficients of the latent prior of the fit; None without one."""
         if not self.fit.pose_prior:
             return None
         prior = make_prior(self.fit.config.pose_prior, dtype=torch.float64, device="cpu")
@@ -62,14 +62,14 @@ class ExportedFit:
         return prior.encode(self.shown.params.body_pose.double()) if same else None
 
     def posed(self, clip: Clip) -> PosedFit:
-        """For figures. Raises InputError while the phase is still being fitted."""
+        """The fit, posed for figures. Raises InputError while the phase is still being fitted."""
         if self.shown.result is None:
             raise InputError(f"{self.shown.run.name} is still being fitted: export its figures when it is done.")
         phase = self.fit.phase(self.shown.phase)
         return PosedFit.of(clip, self.fit, self.meshes, phase=phase, there=self.shown.there)
 
     def __getitem__(self, frames: slice) -> "ExportedFit":
-        """Consecutive frames of it."""
+        """A part: consecutive frames."""
         whole, observed = len(self.fit.observed), self.fit.observed[frames]
         if len(observed) == whole:
             return self
@@ -88,7 +88,7 @@ class ExportedFit:
 
 
 def _part(phase: PhaseResult, frames: slice) -> PhaseResult:
-    """Consecutive frames of a phase. Costs are known by frame, and not by term."""
+    """Consecutive frames of a phase. Costs are stored by frame, not by term."""
     cost, known, bars = phase.frame_cost[frames], phase.provenance, phase.error_bars
     return replace(
         phase,
@@ -102,31 +102,31 @@ def _part(phase: PhaseResult, frames: slice) -> PhaseResult:
 
 @dataclass(frozen=True, kw_only=True)
 class ExportSource:
-    """What there is to export, as it was when the user asked for it."""
+    """A snapshot of the exported data at the time of the request."""
 
     name: str
     """The clip's."""
     chosen: ExportedFit | None = None
-    """The run that is exported."""
+    """The exported run."""
     compared: Sequence[ExportedFit] = ()
-    """A and B, for what shows two: without those that are not there."""
+    """A and B, for formats that show two, as far as they exist."""
     known_clip: Clip | None = None
-    """With the keypoints as they stand."""
+    """With the current keypoints."""
     known_motion: Motion | None = None
-    """Of a result of `tcfit fit`, which has no project."""
+    """The motion of a result of `tcfit fit`, which has no project."""
     known_grounding: Grounding | None = None
-    """Of the same."""
+    """The grounding of such a result."""
     project: Path | None = None
     axes: str | None = None
-    """A name of AXES, or OWN_WORLD; None: what programs that read the format expect."""
+    """A name of AXES, or OWN_WORLD; None: as the format's readers expect."""
     known_video: Path | None = None
     """The video or images of a result."""
     views: tuple[ViewName, ...] = ("camera",)
     """Views of pictures and videos, drawn beside each other."""
     markers: MarkerSet = STANDARD
-    """What stands for the markers of a laboratory."""
+    """The set of markers."""
     notes: tuple[str, ...] = ()
-    """What users should know of it, such as that its fit was stopped."""
+    """Notes for users, such as that the fit was stopped."""
 
     @property
     def clip(self) -> Clip:
@@ -141,7 +141,7 @@ class ExportSource:
 
     @property
     def images(self) -> tuple[Path, ...]:
-        """A clip's images, whose names tell a reader more than a number: that may be in the name of another one."""
+        """The clip's images, if their names are unique: exports are named after them."""
         clip = self.known_clip
         if clip is None:  # a result alone
             return ()
@@ -157,7 +157,7 @@ class ExportSource:
 
     @property
     def grounding(self) -> Grounding | None:
-        """Of the fit; None if not computed."""
+        """The fit's grounding; None if not computed."""
         return self.known_grounding if self.known_motion is not None else self.fit.fit.grounding
 
     @property
@@ -175,18 +175,18 @@ class ExportSource:
         return first, first + count - 1
 
     def between(self, begin: int | None, end: int | None) -> "ExportSource | None":
-        """Its frames with these numbers in the video, both ends included and None all; None if it has none of them."""
+        """Its part between two frame numbers of the video, both included (None: no bound); None if it is empty."""
         first, last = self.span
         start, stop = max(first, first if begin is None else begin), min(last, last if end is None else end)
         return self[start - first : stop - first + 1] if start <= stop else None
 
     def motion(self, axes: str) -> Motion:
-        """The motion in the wished axes, or in these."""
+        """The motion in the requested axes, or in these by default."""
         motion = self.known_motion or self.fit.motion(self.clip)
         return motion.in_axes(self.axes or axes)
 
     def __getitem__(self, frames: slice) -> "ExportSource":
-        """Consecutive frames of everything but the project itself."""
+        """A part: consecutive frames of everything except the project."""
         return replace(
             self,
             chosen=None if self.chosen is None else self.chosen[frames],

@@ -1,4 +1,4 @@
-"""What can be exported: the table of all formats, for command line and app."""
+"""The table of all export formats, for command line and app."""
 
 import re
 from collections.abc import Callable
@@ -43,10 +43,9 @@ from tcfit_app.project.packed import pack
 
 Group = Literal["Motion", "Rigs", "Laboratory", "Meshes", "Video", "Keypoints", "Annotations", "Figures", "Project"]
 Needs = Literal["motion", "run", "keypoints"]
-"""Any fit; a project with a run; a project."""
+"""The required source: any fit; a project with a run; a project."""
 Write = Callable[[ExportSource, Path, Progress], str | None]
-"""Writes a file, or into a folder, which exists and is empty; what a person should know of it, if anything. What it
-raises leaves nothing that is offered."""
+"""Writes a file, or into an existing empty folder; returns a note for the user, or None. If it raises, nothing stays."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,23 +55,23 @@ class Export:
     title: str
     group: Group
     suffix: str
-    """Behind the clip's name. Of a folder it begins with a hyphen."""
+    """Appended to the clip's name; a folder's begins with a hyphen."""
     hint: str
     write: Write
     needs: Needs = "motion"
     both: bool = False
-    """It shows A and B, whichever is chosen."""
+    """It contains both A and B."""
     missing: Callable[[], str] = str
-    """What has to be installed before it can be written; empty when it is."""
+    """What must be installed to write it; empty if nothing."""
 
     @property
     def many(self) -> bool:
-        """It is a folder of files, which a browser gets as a zip."""
+        """Whether it is a folder of files, which a browser gets as a zip."""
         return self.suffix.startswith("-")
 
 
 def _of_motion(write: Callable[[Path, Motion], object], axes: str) -> Write:
-    """A writer that takes a motion in axes."""
+    """Adapt a writer of a motion in given axes."""
 
     def written(source: ExportSource, path: Path, progress: Progress) -> None:
         write(path, source.motion(axes))
@@ -81,7 +80,7 @@ def _of_motion(write: Callable[[Path, Motion], object], axes: str) -> Write:
 
 
 def _of_frames(write: Callable[[Path, Motion, Progress], object], axes: str) -> Write:
-    """The same, one that reports its progress."""
+    """The same for a writer that reports its progress."""
 
     def written(source: ExportSource, path: Path, progress: Progress) -> None:
         write(path, source.motion(axes), progress)
@@ -190,7 +189,7 @@ EXPORTS: dict[str, Export] = {
 # fmt: on
 """By the name on the command line, in the order of their buttons."""
 DEFAULTS = ("glb", "npz", "bvh")
-"""What `tcfit export` writes when nothing is wished for."""
+"""The formats that `tcfit export` writes by default."""
 _RETARGET = "Export {} and retarget it to your character with the tools that docs/retargeting.md lists."
 REMOVED = {
     "rig-glb": _RETARGET.format("glb, mixamo, unreal or vrma"),
@@ -201,7 +200,7 @@ REMOVED = {
     "report": "Use tcfit evaluate PROJECT, which writes report.html.",
     "rig-bvh": _RETARGET.format("bvh, mixamo or unreal"),
 }
-"""What replaces formats that were removed, by their names."""
+"""Replacements of removed formats."""
 AXES_CHOICES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up", OWN_WORLD: "calibration's"}
 """The last of them only where the clip's camera has a calibrated world."""
 VIEW_CHOICES: dict[str, tuple[str, tuple[ViewName, ...]]] = {
@@ -217,7 +216,7 @@ VIEW_HINT = "For pictures and videos: as the camera saw it, over the video; or u
 
 
 def exports() -> dict[str, Export]:
-    """EXPORTS, and behind them those that plugins add."""
+    """EXPORTS, followed by those of plugins."""
     return EXPORTS | {
         name: replace(plugin.thing, write=_guarded(plugin))
         for name, plugin in added("tcfit.exports", Export, taken=EXPORTS).items()
@@ -243,7 +242,7 @@ _SUFFIX = re.compile(r"[.-][A-Za-z0-9][A-Za-z0-9._-]*")
 
 
 def _guarded(plugin: Plugin[Export]) -> Callable[[ExportSource, Path, Progress], str | None]:
-    """Its `write`, whose errors become InputErrors; what `progress` raises, by which users cancel, passes through."""
+    """Its `write`, whose errors become InputErrors. Exceptions of `progress`, by which users cancel, pass through."""
 
     def write(source: ExportSource, path: Path, progress: Progress) -> str | None:
         ended: list[BaseException] = []

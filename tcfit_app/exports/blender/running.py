@@ -1,4 +1,4 @@
-"""FBX, written by Blender: found on this computer, run as a separate process, and ended when it is no longer wanted."""
+"""FBX by Blender, run as a separate process that ends when the export is cancelled."""
 
 import importlib.util
 import os
@@ -19,7 +19,7 @@ _SCRIPT = Path(__file__).with_name("glb_to_fbx.py")
 _LONGEST, _PER_FRAME = 120.0, 0.5
 """Seconds after which Blender is ended, and more of them for each frame. 145 frames take 4 s."""
 _LOOK = 0.1
-"""Seconds between looks whether it has ended, or is to be."""
+"""Seconds between checks whether it has ended or was cancelled."""
 _OF_GLB = 0.6
 """Share of the whole time until the GLB is there that Blender reads."""
 _MISSING = (
@@ -29,12 +29,12 @@ _MISSING = (
 
 
 def missing() -> str:
-    """What has to be installed for FBX; empty when everything is there."""
+    """What must be installed for FBX; empty if nothing."""
     return "" if _command() else _MISSING
 
 
 def _command() -> list[str]:
-    """How Blender is started with a script; empty without one."""
+    """The command that runs a script in Blender; empty without Blender."""
     if program := shutil.which("blender"):
         return [program, "--background", "--factory-startup", "--python-exit-code", "1", "--python"]
     return [sys.executable] if importlib.util.find_spec("bpy") else []
@@ -106,4 +106,4 @@ def _kill(process: subprocess.Popen[bytes]) -> None:
 def _last_of(folder: Path) -> str:
     """The last lines of Blender's output."""
     found = (folder / "said.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    return "It said:\n" + "\n".join(found[-8:]) if found else "It said nothing."
+    return "Its output:\n" + "\n".join(found[-8:]) if found else "It had no output."

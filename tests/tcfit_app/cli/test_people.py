@@ -102,7 +102,7 @@ def test_the_export_of_everybody(fitted: Path, tmp_path: Path, capsys: pytest.Ca
     assert lengths == [FRAMES - 2, FRAMES - 1]
     assert [one["frames"] for one in Player.of(tmp_path / "talk.glb").document.asset.extras["people"]] == lengths
     assert main(["export", str(fitted), "--out", str(tmp_path), "--formats", "glb"]) == 2
-    assert "talk.glb: is there already" in capsys.readouterr().err
+    assert "talk.glb: already exists" in capsys.readouterr().err
     assert main(["export", str(fitted), "--out", str(tmp_path / "b"), "--frames", "7:9"]) == 2
     assert "no person is visible; expected frames from 0 to 5" in capsys.readouterr().err
     # Who has gone by then is left out.
