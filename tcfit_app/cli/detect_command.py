@@ -32,7 +32,7 @@ def run_detect(options: DetectOptions) -> None:
             print(printable(f"Note: {note}"), file=sys.stderr)
         frames = _frames(source, options.first_frame, options.last_frame)
         _check_folder(folder, name, frames)
-        running = Running(boxes=options.boxes, provider=options.provider, batch=options.batch, threads=options.threads)
+        running = Running(boxes=options.boxes, provider=options.provider, threads=options.threads)
         detector = find_detector(options.detector, running)
         found = _found(Detection(source=source, frames=frames, detector=detector))
     write_everybody(folder, found.people, name=name, first_frame=frames[0], detector=found.points)

@@ -54,7 +54,7 @@ def doctor() -> int:
 
 
 def _lines(check: Callable[[], Iterator[Check]]) -> Iterator[Check]:
-    """A check's lines. What it raises is a failed line: a package is missing, or its interface has changed."""
+    """A check's lines. An exception is a failed line: a package is missing, or its interface has changed."""
     try:
         yield from check()
     except Exception as error:  # any: a changed interface raises TypeError or AttributeError, for instance
@@ -202,7 +202,7 @@ def _refusal(load: Callable[[], object]) -> str:
 
 
 def check_folders() -> Iterator[Check]:
-    """Whether the folders where tcfit keeps things can be written."""
+    """Whether tcfit's folders are writable."""
     folders = {
         "body models": user_folder(),
         "cache": platformdirs.user_cache_path("tcfit", appauthor=False),
@@ -218,7 +218,7 @@ def check_folders() -> Iterator[Check]:
 
 
 def check_plugins() -> Iterator[Check]:
-    """What other packages add, and what of it cannot be used."""
+    """Additions of other packages, and their faults."""
     from fitting_core import plugins
     from fitting_core.io.added_readers import keypoint_readers, motion_readers
     from tcfit_app.exports.table import exports
@@ -248,7 +248,7 @@ CHECKS: dict[str, Callable[[], Iterator[Check]]] = {
     "Folders": check_folders,
     "Plugins": check_plugins,
 }
-"""What the doctor looks at, by title."""
+"""The checks by title."""
 
 
 def _write_problem(folder: Path) -> str:

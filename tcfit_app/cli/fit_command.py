@@ -135,10 +135,10 @@ def _fit_and_write(
         with closing(progress):
             run(tell=take)
     except BaseException:
-        stayed = "Stopped before phase 1 had finished. Nothing was written."
+        message = "Stopped before phase 1 had finished. Nothing was written."
         if finished is not None:
-            stayed = f"Stopped. The result up to phase {finished.phase} is in {folder}"
-        tell([stayed])
+            message = f"Stopped. The result up to phase {finished.phase} is in {folder}"
+        tell([message])
         raise
     assert finished is not None
     return finished.so_far, summary
@@ -194,7 +194,7 @@ def tell(lines: Iterable[str]) -> None:
 # --- --people all ---
 
 GLB_NAME = "people.glb"
-"""Everybody, in one world."""
+"""All people in one world."""
 
 
 def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
@@ -205,7 +205,7 @@ def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
         KeyboardInterrupt: Cancelled; what had finished has been written, and is in people.json. An earlier fit is still
             there if nothing had.
     """
-    _refuse_what_is_of_one(options)
+    _refuse_options_of_one(options)
     config = fit_config(options.method)
     old = _check_out(options.out, overwrite=options.overwrite)
     body = prepared_body(options, config)
@@ -240,7 +240,7 @@ def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
     return outcomes
 
 
-def _refuse_what_is_of_one(options: FitOptions) -> None:
+def _refuse_options_of_one(options: FitOptions) -> None:
     """Raise InputError for an option that is for one person."""
     ones = {"--shape": options.shape, "--height": options.method.height, "--start-person": options.begin.start_person}
     if given := [name for name, value in ones.items() if value is not None]:
@@ -321,7 +321,7 @@ def _list(folder: Path, people: Sequence[PersonInClip]) -> None:
 
 
 def _write_together(folder: Path, people: Sequence[PersonInClip], outcomes: Sequence[Outcome]) -> None:
-    """Write everybody into one file, and say so."""
+    """Write all people into one file, and report it."""
     motions = [
         replace(motion_of(outcome.fit, one.clip, outcome.body), name=one.about.name)
         for one, outcome in zip(people, outcomes, strict=True)

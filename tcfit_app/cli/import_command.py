@@ -12,21 +12,19 @@ from tcfit_app.project.project import Project
 
 
 def run_import(options: ImportOptions) -> None:
-    """Import the result that the options name, and say which run it has become. Raises InputError if the project cannot
-    be opened for writing, the result cannot be read or does not fit the clip, or its body is not there; nothing has
-    been written then."""
+    """Import the result, and print its run. Raises InputError if the project cannot be opened for writing, the result
+    cannot be read or does not match the clip, or its body is missing; nothing is written then."""
     if options.path.suffix.lower() == SUFFIX:
         _import_notes(options)
         return
     if options.tiers:
-        raise InputError(f"--tiers: {options.path}  is not an {SUFFIX} file, so it has no tiers. Leave the option out.")
+        raise InputError(f"--tiers: {options.path} is not an {SUFFIX} file, so it has no tiers. Leave the option out.")
     choices = ImportChoices(
         first_frame=options.first_frame,
         person=options.person,
         gender=options.gender,
         body_model=options.body_model,
         focal_length=options.focal_length,
-        vposer=options.vposer,
     )
     with Project.open(options.project) as project:
         run = import_run(project, Bodies(options.models), options.path, choices, name=options.name)
@@ -47,5 +45,5 @@ def _import_notes(options: ImportOptions) -> None:
     print(f"Imported {found.in_words()}")
 
 
-_OF_RESULTS = ("name", "first_frame", "person", "gender", "body_model", "models", "focal_length", "vposer")
-"""Options that say how a result is read."""
+_OF_RESULTS = ("name", "first_frame", "person", "gender", "body_model", "models", "focal_length")
+"""Options for results."""

@@ -73,7 +73,7 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
 
 
 def _made_of_everybody(options: NewOptions) -> Path:
-    """A folder of projects, one for each person."""
+    """Make a folder of projects, one for each person."""
     ones = {"--reference": options.truth != ReferenceOptions(), "--height": options.height is not None}
     if given := [name for name, there in ones.items() if there]:
         raise InputError(
@@ -93,7 +93,7 @@ def _made_of_everybody(options: NewOptions) -> Path:
 
 
 def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) -> Path:
-    """The project in a file that `tcfit export --formats project` made."""
+    """Unpack a project that `tcfit export --formats project` packed."""
     if isinstance(options, NewOptions) and options.people is not None:
         raise InputError(f"{path} is the project of one person: leave out --people.")
     check_not_new(path, options)
@@ -146,7 +146,7 @@ def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:
         raise InputError(f"{folder}: is the project of another clip than {clip.source}. {choice}")
     if given and _frames_and_camera(made, given) != _frames_and_camera(clip, given):
         raise InputError(f"{folder}: already exists for other frames or another camera. {refusal(given)}")
-    # Without --camera they come as they were filmed.
+    # Without --camera, the keypoints are distorted as filmed.
     lens = made.camera.lens if clip.camera.lens is None else None
     if not _detected(clip.keypoints) or same_detections(
         made.keypoints, straightened_keypoints(clip.keypoints, lens)[0]

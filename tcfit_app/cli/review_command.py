@@ -72,7 +72,7 @@ def run_review(options: ReviewOptions) -> None:
 
 
 def _of_result(path: Path | None) -> Path | None:
-    """In place of a result's folder that of its project, which is made beside it where it is not there yet."""
+    """Replace a result's folder by that of its project, which is made beside it if missing."""
     clip = None if path is None or is_project(path) else as_result(path.resolve())
     if clip is None:
         return path
@@ -109,7 +109,7 @@ def check_folders(options: ServerOptions, *, models: Path | None = None) -> None
 
 
 def is_list(options: ReviewOptions) -> bool:
-    """Whether a folder of many clips is meant: one that is no clip itself, and has clips in it."""
+    """Whether the path is a folder of clips and not a clip itself."""
     folder = options.video
     if folder is None or options.keypoints is not None or not folder.is_dir():
         return False
@@ -146,7 +146,7 @@ def _review_many(options: ReviewOptions) -> None:
 
 
 def _load_all() -> None:
-    """While the list is looked at: reading it would take twice as long beside this."""
+    """Import the app after the list is shown, because both at once would take twice as long."""
     load_app()
     prepare_fits()
 
@@ -164,7 +164,7 @@ def _served(name: str, options: ServerOptions, site: TalkingSite | None = None) 
 
 
 def entry_of(options: ServerOptions) -> Entry:
-    """How browsers on other computers come in. Raises InputError if the password cannot be read or is too short, or the
+    """Access for browsers on other computers. Raises InputError if the password cannot be read or is too short, or the
     public address is invalid."""
     public = (options.public or "").rstrip("/").lower()
     parts = urlsplit(public)
@@ -190,7 +190,7 @@ def entry_of(options: ServerOptions) -> Entry:
 
 
 _SHORTEST = 12
-"""Characters of a password."""
+"""Minimum number of characters of a password."""
 
 
 def _review(
@@ -229,7 +229,7 @@ def _review(
 
 
 def _begun(session: "Session", fit: FitConfig, find: ClipOptions | None) -> str:
-    """Begin a first fit; why it cannot be one, in the rest of a sentence."""
+    """Begin a first fit. Returns the reason if that is impossible, as the end of a sentence."""
     if session.project.read_only:
         return "is open read-only"
     if session.fits.showable():  # one that was cancelled early has nothing to show
@@ -248,7 +248,7 @@ def _begun(session: "Session", fit: FitConfig, find: ClipOptions | None) -> str:
 
 
 def _take(project: "Project", options: ReviewOptions) -> None:
-    """Keep the person's height, and what fits are compared with, if the options say something of it."""
+    """Store the given height and reference in the project."""
     from tcfit_app.cli.new_command import reference_given
 
     height, reference = height_of(options), reference_given(options.truth, project.clip)
@@ -259,7 +259,7 @@ def _take(project: "Project", options: ReviewOptions) -> None:
 
 
 def opened(options: ReviewOptions) -> "Project":
-    """The project that the options name: opened, made of a clip, or read-only if another process has it open."""
+    """Open the project, make it of a clip first, or open it read-only if another process has it open."""
     from tcfit_app.options.clip_input import check_not_new
 
     if options.video is not None and is_project(options.video):
@@ -288,7 +288,7 @@ def _people(options: ReviewOptions) -> AbstractContextManager["OpenPeople"]:
     return opened_people(folder, lambda one: open_project(one, read_only=options.read_only), tell)
 
 
-# --- what a review needs first, read while torch is being loaded, which keeps one core busy for two seconds ---
+# --- reading ahead while torch is loaded, which keeps one core busy for two seconds ---
 
 
 def body_ahead(project: Path) -> Future[BodyModel | None]:

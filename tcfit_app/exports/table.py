@@ -45,7 +45,7 @@ Group = Literal["Motion", "Rigs", "Laboratory", "Meshes", "Video", "Keypoints", 
 Needs = Literal["motion", "run", "keypoints"]
 """The required source: any fit; a project with a run; a project."""
 Write = Callable[[ExportSource, Path, Progress], str | None]
-"""Writes a file, or into an existing empty folder; returns a note for the user, or None. If it raises, nothing stays."""
+"""Writes a file, or into an existing empty folder; returns a note for the user. If it raises, nothing is kept."""
 
 
 @dataclass(frozen=True, kw_only=True)

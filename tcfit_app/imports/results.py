@@ -50,8 +50,6 @@ class ImportChoices:
     """Another kind of body than the result's: smplx, smplh or smpl."""
     focal_length: float | None = None
     """Pixels, for a result without a camera."""
-    vposer: Path | None = None
-    """The VPoser used by SMPLify-X; None: the installed one."""
 
 
 def import_run(
@@ -93,7 +91,7 @@ def imported_fit(
 ) -> tuple[FitResult, BodyModel, bool]:
     """A result as a fit of the clip, the body it poses, and whether it has a camera. Raises InputError if it cannot be
     read or does not match the clip, or its body model is missing."""
-    decode = vposer_decoder(choices.vposer)
+    decode = vposer_decoder()
     motion = read_motion(path, person=choices.person, gender=choices.gender, decode=decode)
     covered = cover(
         motion,
@@ -143,13 +141,13 @@ def _name(path: Path) -> str:
     return path.parent.name if path.name in ("results", FIT_NAME) and path.parent.name else path.name
 
 
-def vposer_decoder(given: Path | None = None) -> "Decode | None":
+def vposer_decoder() -> "Decode | None":
     """A decoder of VPoser's latent numbers, loaded on first use; None if VPoser is missing."""
-    if given is None and not user_file().is_file():
+    if not user_file().is_file():
         return None
 
     def decode(latent: Float[Tensor, "T 32"]) -> Float[Tensor, "T 63"]:
-        prior = LatentPrior(read_prior(given if given is not None else registered_vposer()))
+        prior = LatentPrior(read_prior(registered_vposer()))
         if prior.size != latent.shape[1]:
             raise InputError(
                 f"{prior.title} has {prior.size} numbers, but the results have {latent.shape[1]}; expected the "

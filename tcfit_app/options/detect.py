@@ -32,8 +32,6 @@ class DetectOptions:
     """Number of the last frame."""
     provider: Annotated[str, arg(metavar="{cpu,cuda}")] = "cpu"
     """Device for models of the RTMPose family. cuda needs onnxruntime-gpu."""
-    batch: int = 8
-    """Number of frames that such a model processes at once. It does not affect the result."""
     threads: Annotated[int, shown("N", "chosen for this computer")] = 0
     """Number of threads of each network."""
     json: JsonLines = False

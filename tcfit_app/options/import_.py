@@ -36,7 +36,5 @@ class ImportOptions:
     models: ModelsFolder = None
     focal_length: Annotated[float | None, shown("PX", "as recorded; for SMPLify-X 5000")] = None
     """Focal length in pixels, if the result does not store it."""
-    vposer: Annotated[Path | None, shown("PATH", "the installed one")] = None
-    """VPoser that was used by SMPLify-X."""
     tiers: Annotated[tuple[str, ...], shown("NAME ...", "all except those of tcfit")] = ()
     """Tiers of an .eaf file that become notes."""

@@ -27,6 +27,7 @@ REMOVED = {
     "batch --projects": "tcfit review FOLDER opens each result as a project.",
     "demo --no-review": "Use tcfit demo, then tcfit evaluate tcfit-demo.tcfit.",
     "detect --list": "Use tcfit models.",
+    "detect --batch": "Leave it out: it did not affect the result.",
     "detect --restart": "Delete the cached keypoints; docs/troubleshooting.md says where they are.",
     "detect --download": "Use tcfit models add NAME.",
     **{
@@ -34,6 +35,7 @@ REMOVED = {
         for option in ("person", "body-model", "frame-rate")
     },
     "evaluate --pictures": "The report has no pictures. See the worst frames with tcfit review.",
+    "import --vposer": "Use tcfit models add VPOSER.",
     "render": "Use tcfit export PATH --formats picture, sheet or overlay; --view camera side draws both views.",
     "export --rig": "Export mixamo, unreal, vrma, glb or bvh and retarget it to your character with the tools that "
     "docs/retargeting.md lists.",

@@ -136,7 +136,9 @@ class Gone(OneBody):
         raise InputError("it is gone")
 
 
-def test_vposers_numbers_take_the_vposer_that_was_given(project: Project, tmp_path: Path, tiny_body: BodyModel):
+def test_vposers_numbers_take_the_installed_vposer(
+    project: Project, tmp_path: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
     folder, latent = results(tmp_path / "r", tiny_body), random_latents(FRAMES)
     for t, file in enumerate(sorted(folder.rglob("*.pkl"))):
         content = pickle.loads(file.read_bytes()) | {"body_pose": latent[t : t + 1].numpy()}
@@ -144,7 +146,9 @@ def test_vposers_numbers_take_the_vposer_that_was_given(project: Project, tmp_pa
     with pytest.raises(InputError, match="32 VPoser numbers instead of angles"):
         import_run(project, OneBody(tiny_body), folder)
     write_prior_network(tmp_path / "vposer.npz", random_network(), notes="")
-    run = import_run(project, OneBody(tiny_body), folder, ImportChoices(vposer=tmp_path / "vposer.npz"))
+    for name in ("user_file", "registered_vposer"):
+        monkeypatch.setattr(importing, name, lambda: tmp_path / "vposer.npz")
+    run = import_run(project, OneBody(tiny_body), folder)
     assert project.runs.load(run.id).last.params.body_pose.abs().max() > 0.1
 
 
