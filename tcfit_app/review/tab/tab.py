@@ -4,7 +4,7 @@ import logging
 import time
 from collections.abc import Callable, Hashable, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 import viser
@@ -62,7 +62,8 @@ class Tab:
         self.client, self.files, self.receive, self._do = client, files, receive, do
         self.channel = Channel(client, receive, timeline=True)
         self.scene = SceneView(client)
-        self.toasts = Toasts(client)
+        self._noticed: tuple[Notice | None, float] = None, 0.0
+        """The last notice, and when it was shown."""
         self.reviewer = visitor.reviewer
         """The name that approvals are kept under."""
         self.in_list = visitor.path != HOME
@@ -150,8 +151,13 @@ class Tab:
         return run
 
     def notify(self, notice: Notice) -> None:
-        """Show a notice to the user."""
-        self.toasts.show(notice)
+        """Show a notice in a corner, the same one once a second: a key that is held down may be refused more often."""
+        now = time.monotonic()
+        if self._noticed[0] == notice and now < self._noticed[1] + 1.0:
+            return
+        self._noticed = notice, now
+        stay = LONG if notice.kind == "error" else SHORT
+        self.client.add_notification(notice.title, notice.text, color=_COLORS[notice.kind], auto_close_seconds=stay)
 
     def say(self, text: str, seconds: float = SHORT) -> None:
         """Show a passing message about what was done."""
@@ -360,43 +366,6 @@ class Tab:
         if shown is not None and shown.id == run.id != corrected.id:
             self.set(b=replace(self.state.b, run=corrected.id))
             self.say(f"B shows {corrected.name}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Toast:
-    handle: viser.NotificationHandle
-    until: float
-    count: int
-
-
-class Toasts:
-    """Passing messages in a corner of a tab: a repeated one replaces the previous one, with a count.
-
-    Args:
-        client: viser's tab.
-        clock: in seconds.
-    """
-
-    def __init__(self, client: viser.ClientHandle, clock: Callable[[], float] = time.monotonic) -> None:
-        self._client, self._clock = client, clock
-        self._shown: dict[Notice, _Toast] = {}
-
-    def show(self, notice: Notice) -> None:
-        """Show a notice, for its full time even if it was already shown."""
-        now = self._clock()
-        self._shown = {text: toast for text, toast in self._shown.items() if toast.until > now}
-        before = self._shown.pop(notice, None)
-        if before is not None:
-            before.handle.remove()  # rather than updated: the user may have closed it
-        count = before.count + 1 if before is not None else 1
-        stay = LONG if notice.kind == "error" else SHORT
-        handle = self._client.add_notification(
-            notice.title if count == 1 else f"{notice.title} ({count} times)",
-            notice.text,
-            color=_COLORS[notice.kind],
-            auto_close_seconds=stay,
-        )
-        self._shown[notice] = _Toast(handle=handle, until=now + stay, count=count)
 
 
 def remember(kept: dict[str, Any], name: str, value: object) -> None:

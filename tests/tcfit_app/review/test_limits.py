@@ -11,12 +11,13 @@ import viser
 
 from fitting_core.body.model import BodyModel
 from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.fitting.reports import Notice
 from tcfit_app.review import app as review_app
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.browser.page_events import Hello
 from tcfit_app.review.panels.review_panel import ReviewPanel
 from tcfit_app.review.session.session import Session
-from tcfit_app.review.tab.tab import REMEMBERED
+from tcfit_app.review.tab.tab import REMEMBERED, Tab
 from tests.drivers.lone_page import lone_page, sample_project, tiny_page
 
 
@@ -36,6 +37,14 @@ def test_tabs_that_were_closed_are_forgotten_in_the_end(panel_server: viser.Vise
                 assert [*remembered][-1] == "an old one that is still there"
         assert len(remembered) == REMEMBERED
         assert "an old one that is still there" in remembered and "forged 0" not in remembered
+
+
+def test_a_key_that_is_refused_again_and_again_shows_one_notice(panel_server: viser.ViserServer, tmp_path: Path):
+    with sample_project(tmp_path / "walk.tcfit") as project, lone_page(panel_server, project) as made:
+        made.page.tab.client = client = MagicMock()
+        for title in ("Undo", "Undo", "Redo"):
+            Tab.notify(made.page.tab, Notice(title=f"{title}: not possible", text="", kind="error"))
+        assert client.add_notification.call_count == 2
 
 
 def test_what_pages_ask_for_waits_only_so_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

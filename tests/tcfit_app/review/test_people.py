@@ -158,11 +158,11 @@ def test_a_link_leads_to_its_person(folder: Path, panel_server: viser.ViserServe
 
         def follow(link: OpenLink) -> list[str]:
             """What is told."""
-            app.pages[1].tab.toasts.show = MagicMock()
+            app.pages[1].tab.notify = MagicMock()
             app.pages[1].tab.receive(link)
             app._obey(0.0)
             app._obey(0.0)
-            return [call.args[0].text for call in app.pages[1].tab.toasts.show.call_args_list]
+            return [call.args[0].text for call in app.pages[1].tab.notify.call_args_list]
 
         def place() -> tuple[str, int]:
             return app.pages[1].tab.someone.name, app.pages[1].tab.state.frame
