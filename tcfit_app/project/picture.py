@@ -12,8 +12,6 @@ NAME = "picture.jpg"
 """In a project's folder: it may be missing or old, and is made again on demand."""
 SIZE = (96, 120)
 """Width and height in pixels: some 3 kB, of which 10,000 are 30 MB."""
-GROUND = (128, 132, 138)
-"""Where there is no image: neither glaring in a dark list nor in a light one."""
 _QUALITY = 72
 
 

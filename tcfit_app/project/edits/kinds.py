@@ -213,7 +213,8 @@ class Reset(_Edit, frozen=True, tag="reset"):
 
 
 class SetConfidence(_Edit, frozen=True, tag="set_confidence"):
-    """Set confidence without moving. A bad keypoint is restored; a missing one stays missing."""
+    """Set confidence without moving; made by earlier versions only. A bad keypoint is restored; a missing one stays
+    missing."""
 
     confidence: float
 
