@@ -37,7 +37,13 @@ def test_who_is_behind_is_seen_less():
     assert counts[apart < 0.015].mean() < 0.75 * counts[apart > 0.15].mean()
 
 
-@pytest.mark.parametrize("scene", SCENES)
+QUICK = ("crossing", "leaving")
+"""Scenes of the quick tests: an exchange in plain sight, and one while a person is away."""
+
+
+@pytest.mark.parametrize(
+    "scene", [pytest.param(scene, marks=[pytest.mark.thorough] * (scene not in QUICK)) for scene in SCENES]
+)
 def test_every_exchange_is_named(scene: str):
     told = [told_apart(film(scene, seed, every=2)) for seed in (0, 1)]
     assert all(one.named == one.exchanges for one in told)
