@@ -73,7 +73,7 @@ def _of_timeline(gestures: Gestures) -> Groups:
         (item(gestures, "range_start"), item(gestures, "range_end")),
         *(() if gestures.tab.state.frames is not None else about_frame),
         _group(gestures, "copy_link"),
-        _group(gestures, "rerun_edited", "fit"),
+        _group(gestures, "fit"),
     )
 
 

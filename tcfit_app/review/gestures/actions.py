@@ -306,10 +306,6 @@ def _selected_frames(g: Gestures) -> None:
     g.fitting.selected_frames()
 
 
-def _edited(g: Gestures) -> None:
-    g.fitting.edited_windows()
-
-
 OF_SELECTION = (joints, limbs, lockable, hand, key)
 """Needs that a menu opened on a keypoint ignores: it will be selected by then."""
 _EDIT = writable, keypoints, frames
@@ -454,7 +450,6 @@ _FRAMES: tuple[_Row, ...] = (
 )
 _FIT: tuple[_Row, ...] = (
     ("rerun", "Re-run the selected frames", "r", lambda g: g.fitting.frames(), (*_AGAIN, _selected_frames)),
-    ("rerun_edited", "Re-run around edited and flagged frames", "", lambda g: g.fitting.edited(), (*_AGAIN, _edited)),
     ("rerun_shape", "Re-run the shape", "", lambda g: g.fitting.shape(), _AGAIN),
     ("fit", "Fit everything", "Shift+r", lambda g: g.fitting.everything(), (writable, keypoints, settings)),
     ("cancel", "Cancel all fitting", "", lambda g: g.tab.session.cancel(), ()),

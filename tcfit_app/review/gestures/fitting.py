@@ -10,7 +10,6 @@ from fitting_core.config.settings import check
 from fitting_core.errors import InputError
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting.fits import FitChoice, Shown
-from tcfit_app.fitting.jobs import around
 from tcfit_app.imports.given import NOTHING, KnownInputs
 from tcfit_app.project.storage.run_record import Given, Run
 from tcfit_app.review.session.tasks import Task, Value
@@ -92,12 +91,6 @@ class Fitting:
             raise InputError("Select frames first: Shift-drag in the timeline, or set both ends with [ and ].")
         return frames
 
-    def edited(self) -> None:
-        """Refit B around flagged frames and those edited since the run. Raises InputError as `everything`, and without
-        such frames.
-        """
-        self._rerun(self.edited_windows())
-
     def shape(self) -> None:
         """Re-estimate B's shape, and refit with it. Raises InputError as `everything`."""
         before, settings, session = self.base(), self._checked(), self._tab.session
@@ -112,21 +105,6 @@ class Fitting:
         else:
             self._check_paths(settings.given)
             self._read(session.reading_shape(settings.given, before), begin)
-
-    def edited_windows(self) -> tuple[range, ...]:
-        """The frames that `edited` refits. Raises InputError without any, or as `base`."""
-        tab, shown, project = self._tab, self.base(), self._tab.session.project
-        reach = tab.state.settings.reach
-        key = shown.run, reach, project.keypoints_version, project.marks_version
-        windows = tab.once("edited windows", key, lambda: self._edited_windows(shown, reach))
-        if not windows:
-            raise InputError("No frame is flagged or was edited since this run: there is nothing to re-run.")
-        return windows
-
-    def _edited_windows(self, shown: Shown, reach: int) -> tuple[range, ...]:
-        session = self._tab.session
-        flagged = {frame for frame, mark in session.project.marks.all().items() if mark.state == "flag"}
-        return around(flagged | session.project.frames_edited_since(shown.run.edits_seen), reach, self._tab.length)
 
     def _rerun(self, windows: tuple[range, ...]) -> None:
         before = self.base()

@@ -61,15 +61,6 @@ class Pose:
         """Height of the visible part at `look_at`."""
         return 2 * self.distance * math.tan(self.fov / 2)
 
-    def close_to(self, other: "Pose") -> bool:
-        """Whether the view is the same to within about a tenth of a pixel."""
-        tolerance = 1e-4 * self.height
-        return (
-            abs(self.fov - other.fov) < 1e-3 * self.fov
-            and math.dist(self.position, other.position) < tolerance
-            and math.dist(self.look_at, other.look_at) < tolerance
-        )
-
 
 @dataclass(frozen=True, kw_only=True)
 class Window:

@@ -74,8 +74,6 @@ class FitSettings:
     """Focal length along x for a whole fit, pixels; None: the clip's."""
     given: Given = field(default_factory=Given)
     """The start and the shape of a whole fit; the shape also applies to a re-run of the shape."""
-    reach: int = 10
-    """Frames before and after an edited or flagged one that are refitted with it."""
     problems: tuple[tuple[str, str], ...] = ()
     """Invalid inputs: the name of the setting, and why. No fit can be started until they are corrected."""
 

@@ -6,7 +6,6 @@ from typing import ClassVar
 
 import viser
 
-from fitting_core.errors import InputError
 from tcfit_app.fitting.fit_progress import time_left
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.reports import RunningJob
@@ -44,7 +43,6 @@ class FitPanel:
         self._inputs.add("temporal.weight", "temporal.mode", "temporal.window_size")
         self._everything = Board(tab)
         self._again = Board(tab)
-        self._inputs.add_margin()
         self._progress = RunningJobs(tab)  # below all buttons, so that they do not move when a fit begins
         with gui.add_folder("Start, person", expand_by_default=False):
             self._inputs.add_height()
@@ -74,7 +72,6 @@ class FitPanel:
             heading("Refit B", "" if fit is not None else "there is no fit yet"),
             row(action(self._gestures, "rerun", self._frames_label(fit))),
             row(action(self._gestures, "rerun_shape", self._shape_label(state.settings))),
-            row(action(self._gestures, "rerun_edited", self._edited_label(fit))),
         )
 
     def _told(self, now: FitSettings) -> str:
@@ -99,16 +96,6 @@ class FitPanel:
         if frames is None:
             return "Re-run frames (Shift-drag selects)"
         return f"Re-run frames {numbers(frames, self._tab.first_frame)}"
-
-    def _edited_label(self, fit: Shown | None) -> str:
-        if fit is None:
-            return "Re-run around edits"
-        try:
-            windows = self._gestures.fitting.edited_windows()
-        except InputError:
-            return "Re-run around edits (none since the fit)"
-        frames = [frame for window in windows for frame in window]
-        return f"Re-run around edits: {numbers(frames, self._tab.first_frame, most=2)}"
 
 
 class RunningJobs:

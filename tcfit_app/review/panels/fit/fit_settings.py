@@ -62,7 +62,6 @@ CHOICE_WORDS = {str(choice): word for word, choice in _CHOICES.items()}
 """The words for each choice, by its text."""
 _FOCAL = Number(label="Focal length", low=1.0, high=1e6, of="pixels")
 _HELD = Number(label="Held near (m)", low=0.001, high=10.0)
-MARGIN = Number(label="Margin (frames)", low=0, high=1000, whole=True)
 _BODY = frozenset(("kind", "gender"))
 """Inputs whose values are valid or invalid together: a right one settles the problem of the other."""
 _SOURCE = "All settings"
@@ -201,11 +200,6 @@ class FitInputs:
             "shape", self._path, self._take_path, lambda s: s.given.shape.path if s.given.shape else "", kind=Field
         )
         self._given_problem = Board(self._tab)
-
-    def add_margin(self) -> None:
-        """How many frames around edited ones are refitted."""
-        hint = "Frames refitted before and after each edited or flagged one"
-        self._add_number("reach", MARGIN, hint, lambda frames: self._set(reach=frames), lambda s: s.reach)
 
     def add_source(self) -> None:
         """All settings as editable text."""

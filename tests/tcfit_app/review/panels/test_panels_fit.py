@@ -15,7 +15,6 @@ from fitting_core.config.settings import changed
 from fitting_core.config.toml import as_toml
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice
-from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.review.panels.fit.fit_panel import FitPanel
@@ -76,7 +75,6 @@ def test_what_is_entered_is_in_the_run(tested: LonePage):
         ("Gender", "male", "no male smplx body. Put &lt;SMPLX&gt;.npz there."),
         ("Height (cm)", "17", "Height (cm) is 17; expected a number, 50 to 250 (leave it empty if unknown)."),
         ("Height (cm)", "tall", "Height (cm) is tall; expected a number, 50 to 250"),
-        ("Margin (frames)", "-1", "Margin (frames) is -1; expected a whole number, 0 to 1,000."),
     ],
 )
 def test_a_wrong_value_is_told_and_fits_nothing(tested: LonePage, label: str, value: object, said: str):
@@ -259,10 +257,9 @@ def test_every_field_has_a_hint_and_numbers_their_range(tested: LonePage):
         "Body model",
         "Gender",
         "Focal length",
-        "Margin (frames)",
     ):
         assert tested.field(name).hint, name
-    for name in ("w_T", "Window", "Shape frames", "Focal length", "Margin (frames)"):
+    for name in ("w_T", "Window", "Shape frames", "Focal length"):
         assert " to " in tested.field(name).hint, name
 
 
@@ -326,24 +323,6 @@ def test_b_goes_over_to_the_corrections_of_the_run_that_it_was_set_to(tested: Lo
     page.tab.set(b=FitChoice(run=other.id))
     page.tab.look()
     assert page.tab.state.b.run == other.id, "what was chosen since stays"
-
-
-def test_edited_and_flagged_frames_are_re_run(tested: LonePage):
-    session, run = tested.page.tab.session, tested.fit()
-    assert tested.button("Re-run around edits").disabled
-    session.edit(MarkBad(frames=(1,), joints=(4,)), author="test")
-    assert session.project.frames_edited_since(run.edits_seen) == {1}
-    session.undo(author="test")
-    assert session.project.frames_edited_since(run.edits_seen) == set() and session.edits_since(run) == 0
-    session.redo(author="test")
-    session.project.marks.set([5], "flag", author="test")
-    tested.enter("Margin (frames)", "0")
-    tested.click("Re-run around edits: 1, 5")
-    tested.until(lambda: not session.jobs)
-    again = session.fits.fit(session.fits.runs[-1]).last.params.body_pose
-    before = session.fits.fit(run).last.params.body_pose
-    moved = np.flatnonzero((again != before).any(1).numpy())
-    assert set(moved) <= {1, 5}
 
 
 def test_presets_are_told_apart():
