@@ -10,11 +10,12 @@ lowest values, which one more shape of constant weight holds.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Float
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_array, issparse
 
 from fitting_core.body import rotations
 from fitting_core.motion import CHUNK, Motion
@@ -27,8 +28,6 @@ _COUNTS = (0, 4, 8, 12, 16, 24, 32, 40, 48, 56)
 """Numbers of correctives that are tried before `MOST`."""
 _TRIED = 256
 """Frames on which they are tried, spread over the motion."""
-_SPARSE = 0.3
-"""Share of correctives that are not zero up to which a sparse product is the faster one (see the app's meshes.py)."""
 _RANK = 1e-10
 """Directions with a smaller share of the greatest variance are dropped."""
 
@@ -76,8 +75,10 @@ def corrective_morphs(motion: Motion) -> Morphs:
     With C the correctives (3 V, F) and f the features of all frames (T, F), the displacements are f C'. C is Q S P with
     orthonormal Q (3 V, r), so their components are those of f P' S: no matrix of all frames and vertices is needed.
     """
-    table, features = _table(motion), _features(motion)
-    variance, axes = np.linalg.eigh(np.asarray(csr_matrix(table.T @ table).todense()))
+    features = _features(motion)
+    table: Any = motion.body.pose_directions.astype(float)
+    products = table.T @ table
+    variance, axes = np.linalg.eigh(products.toarray() if issparse(products) else products)
     kept = variance > _RANK * max(variance.max(), 1e-30)
     scale = np.sqrt(variance[kept])
     left, size, right = np.linalg.svd(features @ (axes[:, kept] * scale), full_matrices=False)
@@ -108,17 +109,12 @@ def _from_lowest(weights: Float[np.ndarray, "T K"], shapes: Float[np.ndarray, "K
     return joined_morphs(base, counted)
 
 
-def _table(motion: Motion) -> csr_matrix | Float[np.ndarray, "V*3 486"]:
-    dense = motion.body.pose_directions.reshape(-1, motion.body.pose_directions.shape[-1]).astype(float)
-    return csr_matrix(dense) if np.count_nonzero(dense) < _SPARSE * dense.size else dense
-
-
 def _features(motion: Motion) -> Float[np.ndarray, "T 486"]:
     local = rotations.exp(motion.pose[:, 1:])
     return (local - torch.eye(3, dtype=local.dtype)).flatten(1).numpy()
 
 
-def _enough(table: csr_matrix | np.ndarray, weights: np.ndarray, to_shapes: np.ndarray, most: int) -> int:
+def _enough(table: csr_array | np.ndarray, weights: np.ndarray, to_shapes: np.ndarray, most: int) -> int:
     """How many components bring every vertex within the goal."""
     tried = weights[:: 1 + len(weights) // _TRIED]
     for count in _COUNTS:
@@ -127,7 +123,7 @@ def _enough(table: csr_matrix | np.ndarray, weights: np.ndarray, to_shapes: np.n
     return most
 
 
-def _largest(table: csr_matrix | np.ndarray, features: Float[np.ndarray, "486 T"]) -> float:
+def _largest(table: csr_array | np.ndarray, features: Float[np.ndarray, "486 T"]) -> float:
     """The longest displacement of any vertex in any frame, metres."""
     parts = [np.asarray(table @ features[:, t : t + CHUNK]) for t in range(0, features.shape[1], CHUNK)]
     return max(float(np.linalg.norm(part.reshape(-1, 3, part.shape[1]), axis=1).max()) for part in parts)

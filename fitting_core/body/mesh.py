@@ -8,13 +8,15 @@ import warnings
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
+import numpy as np
 import torch
 from jaxtyping import Float
+from scipy.sparse import csr_array
 from torch import Tensor
 
 from fitting_core.body import rotations
 from fitting_core.body.kinematics import Tree, pose_joints
-from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.model import N_JOINTS, BodyModel, sparse_if_mostly_zero
 from fitting_core.body.params import BodyParams, full_pose
 
 
@@ -27,10 +29,6 @@ class Skeleton:
     joints: Float[Tensor, "B 55 3"]
     offset: Float[Tensor, "B 55 3"]
     """A point x of the rest pose that joint k carries alone goes to world_k x + offset_k."""
-
-
-_SPARSE = 0.3
-"""Share of numbers that are not zero up to which a sparse product is the faster one."""
 
 
 class Mesh:
@@ -50,7 +48,7 @@ class Mesh:
         self.rest = regressor @ self.template
         self.rest_directions = (regressor @ self.directions.flatten(1)).view(N_JOINTS, 3, -1)
         self.weights = tensor(body.skinning_weights)
-        self._blend = _table(self.weights)
+        self._blend = _tensor(sparse_if_mostly_zero(body.skinning_weights), dtype, self.device)
 
     @cached_property
     def _correct(self) -> Tensor:
@@ -96,19 +94,22 @@ class Mesh:
         return (blended[..., :3] @ rest[..., None])[..., 0] + blended[..., 3]
 
 
-def _table(values: Float[Tensor, "m n"]) -> Float[Tensor, "m n"]:
-    """The same matrix, sparse where few of its numbers are not zero."""
-    if values.count_nonzero() > _SPARSE * values.numel():
-        return values
+def _tensor(
+    values: csr_array | Float[np.ndarray, "m n"], dtype: torch.dtype, device: torch.device
+) -> Float[Tensor, "m n"]:
+    if not isinstance(values, csr_array):
+        return torch.as_tensor(values, dtype=dtype, device=device)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Sparse CSR tensor support is in beta")
-        return values.to_sparse_csr()
+        starts, columns, numbers = (torch.as_tensor(a) for a in (values.indptr, values.indices, values.data))
+        return torch.sparse_csr_tensor(
+            starts, columns, numbers, values.shape, dtype=dtype, device=device, check_invariants=True
+        )
 
 
 @lru_cache(maxsize=2)
 def _corrective_table(body: BodyModel, dtype: torch.dtype, device: torch.device) -> Float[Tensor, "V*3 486"]:
-    directions = body.pose_directions.reshape(-1, body.pose_directions.shape[-1])
-    return _table(torch.as_tensor(directions, dtype=dtype, device=device))
+    return _tensor(body.pose_directions, dtype, device)
 
 
 def _coefficients(params: BodyParams) -> Float[Tensor, "T 20"]:

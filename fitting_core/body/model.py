@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.sparse import csr_array
 
 _BODY_JOINTS = (
     "pelvis left_hip right_hip spine1 left_knee right_knee spine2 left_ankle right_ankle spine3 left_foot right_foot "
@@ -66,6 +67,15 @@ class KeypointOffset:
     """Metres, in the rest pose's frame (x to the body's left, y up, z forward)."""
 
 
+_SPARSE = 0.3
+"""Share of numbers that are not zero up to which a sparse product is the faster one."""
+
+
+def sparse_if_mostly_zero(values: Float[np.ndarray, "m n"]) -> csr_array | Float[np.ndarray, "m n"]:
+    """The same matrix, sparse where that makes products with it faster."""
+    return csr_array(values) if np.count_nonzero(values) <= _SPARSE * values.size else values
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BodyModel:
     """A linear blend skinning body with SMPL-X's 55 joints and parameters.
@@ -81,9 +91,10 @@ class BodyModel:
     template: Float[np.ndarray, "V 3"]
     shape_directions: Float[np.ndarray, "V 3 10"]
     expression_directions: Float[np.ndarray, "V 3 10"]
-    pose_directions: Float[np.ndarray, "V 3 486"]
+    pose_directions: csr_array | Float[np.ndarray, "V*3 486"]
     """Pose correctives: per joint but the root, the 9 entries of its rotation matrix minus the identity, row-major.
-    float32 or float64, as in the file: they are most of its numbers."""
+    float32 or float64, as in the file; sparse where most are zero, for they are most of its numbers (78 MB of the free
+    body, 2 % of them not zero)."""
     joint_regressor: Float[np.ndarray, "55 V"]
     skinning_weights: Float[np.ndarray, "V 55"]
     parents: Int[np.ndarray, "55"]
@@ -118,6 +129,12 @@ class BodyModel:
         up, low, high = self.template[:, 1], self.template[:, 1].argmin(), self.template[:, 1].argmax()
         return float(up[high] - up[low]), self.shape_directions[high, 1] - self.shape_directions[low, 1]
 
+    def correctives_of(self, vertices: Int[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3 486"]:
+        """Rows of `pose_directions`, never sparse."""
+        rows = self.pose_directions[(3 * vertices[..., None] + np.arange(3)).ravel()]
+        dense = rows.toarray() if isinstance(rows, csr_array) else rows
+        return dense.reshape(*vertices.shape, 3, dense.shape[1])
+
     def betas_of_height(self, metres: float) -> Float[np.ndarray, "10"]:
         """The likeliest shape of this height: the one nearest to the mean."""
         mean, by_betas = self.height
@@ -131,7 +148,7 @@ class BodyModel:
         vertices = len(self.template)
         assert self.shape_directions.shape == (vertices, 3, N_BETAS)
         assert self.expression_directions.shape == (vertices, 3, N_EXPRESSION)
-        assert self.pose_directions.shape == (vertices, 3, 9 * (N_JOINTS - 1))
+        assert self.pose_directions.shape == (vertices * 3, 9 * (N_JOINTS - 1))
         assert self.joint_regressor.shape == (N_JOINTS, vertices)
         assert self.skinning_weights.shape == (vertices, N_JOINTS)
         assert self.parents[0] == -1 and (self.parents[1:] < np.arange(1, N_JOINTS)).all()

@@ -151,7 +151,7 @@ def finished(steps: Any) -> Any:
 
 
 def without_correctives(body: BodyModel) -> BodyModel:
-    return replace(body, pose_directions=np.zeros_like(body.pose_directions))
+    return replace(body, pose_directions=0 * body.pose_directions)
 
 
 def differentiated(function: Callable[[State], Tensor], state: State, index: Tensor) -> Tensor:

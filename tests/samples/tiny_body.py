@@ -69,7 +69,7 @@ def _correctives(rng: np.random.Generator, vertices: int) -> np.ndarray:
     by_joint = np.zeros((vertices, 3, N_JOINTS - 1, 9))
     for j in _CORRECTED:
         by_joint[:, :, j - 1] = rng.normal(0, 0.002, (vertices, 3, 9)) * (rng.random(vertices) < 0.3)[:, None, None]
-    return by_joint.reshape(vertices, 3, -1)
+    return by_joint.reshape(3 * vertices, -1)
 
 
 def _regressor(rng: np.random.Generator, owner: np.ndarray) -> np.ndarray:

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.sparse import csr_array
 
-from fitting_core.body.model import JOINT, JOINTS, N_JOINTS, POSE_JOINTS, SURFACE_KEYPOINTS
+from fitting_core.body.model import JOINT, JOINTS, N_JOINTS, POSE_JOINTS, SURFACE_KEYPOINTS, sparse_if_mostly_zero
 
 # fmt: off
 PARENTS: tuple[int, ...] = (
@@ -112,18 +113,20 @@ def weights_in_55(form: Form, weights: Float[np.ndarray, "V J"]) -> Float[np.nda
     return merged
 
 
-def pose_directions_in_55(form: Form, directions: Float[np.ndarray, "V 3 P"]) -> Float[np.ndarray, "V 3 486"]:
-    """Pose correctives of the 55 joints, zero for those that the file lacks.
+def pose_directions_in_55(
+    form: Form, directions: Float[np.ndarray, "V 3 P"]
+) -> csr_array | Float[np.ndarray, "V*3 486"]:
+    """Pose correctives of the 55 joints, zero for those that the file lacks; sparse where most are zero.
 
     Those of SMPL's hand joints are left out. That is exact, not an approximation: a merged joint moves rigidly with its
     wrist, so its own rotation minus the identity is always zero.
     """
-    if form.kept == N_JOINTS:
-        return directions
-    spread = np.zeros((len(directions), 3, 9 * (N_JOINTS - 1)))
-    for row, joint in enumerate(form.joints[1 : form.kept]):
-        spread[:, :, 9 * (joint - 1) : 9 * joint] = directions[:, :, 9 * row : 9 * (row + 1)]
-    return spread
+    rows = directions.reshape(3 * len(directions), -1)
+    if form.kept < N_JOINTS:
+        given, rows = rows, np.zeros((len(rows), 9 * (N_JOINTS - 1)), directions.dtype)
+        for place, joint in enumerate(form.joints[1 : form.kept]):
+            rows[:, 9 * (joint - 1) : 9 * joint] = given[:, 9 * place : 9 * (place + 1)]
+    return sparse_if_mostly_zero(rows)
 
 
 def plain_hand_components() -> Float[np.ndarray, "45 45"]:

@@ -5,9 +5,7 @@ vertices collide changes with every step.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
-import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
@@ -15,18 +13,7 @@ from torch import Tensor
 from fitting_core.body import rotations
 from fitting_core.body.kinematics import turn_axes
 from fitting_core.body.mesh import Mesh, Skeleton
-from fitting_core.body.model import N_JOINTS, BodyModel
-
-
-@lru_cache(maxsize=1)  # 0.3 s; each correction of a frame asks for them again
-def _correctives(
-    body: BodyModel, dtype: torch.dtype, device: torch.device
-) -> tuple[Int[Tensor, "D"], Float[Tensor, "V 3 D*9"]]:
-    """The joints that drive a pose corrective, of which a body's file may have few, and their correctives."""
-    correctives = body.pose_directions.reshape(*body.template.shape, N_JOINTS - 1, 9)
-    used = np.flatnonzero(correctives.any((0, 1, 3)))
-    driving = torch.as_tensor(1 + used, device=device)
-    return driving, torch.as_tensor(correctives[:, :, used], dtype=dtype, device=device).flatten(2)
+from fitting_core.body.model import N_JOINTS
 
 
 @dataclass(frozen=True)
@@ -62,7 +49,6 @@ class ChosenVertices:
         relative[1:] -= mesh.rest_directions[mesh.tree.parents[1:]]
         self._bone_directions = relative
         self._ancestors = torch.as_tensor(mesh.tree.ancestors, dtype=mesh.dtype, device=mesh.device)
-        self._driving, self._correctives = _correctives(mesh.body, mesh.dtype, mesh.device)
 
     def forward(
         self,
@@ -84,8 +70,9 @@ class ChosenVertices:
         identity = torch.eye(3, dtype=mesh.dtype, device=mesh.device)
         skeleton = mesh.skeleton(local, coefficients)
         shaped = (mesh.directions[ids] @ coefficients[:, None, :, None])[..., 0]
-        features = (local[:, self._driving] - identity).flatten(1)
-        corrected = (self._correctives[ids] @ features[:, None, :, None])[..., 0]
+        features = (local[:, 1:] - identity).flatten(1)
+        correctives = mesh.body.correctives_of(ids.cpu().numpy())
+        corrected = (features.new_tensor(correctives) @ features[:, None, :, None])[..., 0]
         rest = mesh.template[ids] + shaped + corrected
         transforms = torch.cat([skeleton.world, skeleton.offset[..., None]], -1)
         blended = (mesh.weights[ids] @ transforms.flatten(2)).view(*ids.shape, 3, 4)

@@ -156,8 +156,8 @@ def _weighted(
     """Weight, template, directions and correctives of the part of surface points that one bone of each carries."""
     c = weights * body.skinning_weights[vertices, bone[..., None]]
     sums = [
-        (c[..., None, :] @ a[vertices].reshape(*vertices.shape, -1)).reshape(*bone.shape, *a.shape[1:])
-        for a in (body.template, directions, body.pose_directions)
+        (c[..., None, :] @ a.reshape(*vertices.shape, -1)).reshape(*bone.shape, *a.shape[vertices.ndim :])
+        for a in (body.template[vertices], directions[vertices], body.correctives_of(vertices))
     ]
     return c.sum(-1), *sums
 

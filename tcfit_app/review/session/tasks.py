@@ -18,6 +18,7 @@ import torch
 
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fit_progress import Progress, in_words
+from tcfit_app.fitting.worker import give_back
 
 KEPT = 64
 """Number of values kept, the most recently requested."""
@@ -194,6 +195,8 @@ class Tasks:
             if made.in_use:
                 made.make()
                 self.arrived()
+                if waiting.empty():
+                    give_back()
             else:
                 made.skipped = True
 

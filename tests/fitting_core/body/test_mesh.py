@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
-from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.model import N_JOINTS, BodyModel, sparse_if_mostly_zero
 from fitting_core.body.params import BodyParams, full_pose
 from tests.samples.scenes import random_params
 
@@ -22,7 +22,7 @@ def skinned_by_hand(body: BodyModel, params: BodyParams, frame: int) -> tuple[np
     pose = full_pose(body, params)[frame].numpy()
     local = Rotation.from_rotvec(pose).as_matrix()
     features = np.concatenate([(local[j] - np.eye(3)).reshape(9) for j in range(1, N_JOINTS)])
-    corrected = shaped + body.pose_directions @ features
+    corrected = shaped + (body.pose_directions @ features).reshape(-1, 3)
     world = np.zeros((N_JOINTS, 4, 4))
     for j, parent in enumerate(body.parents):
         step = np.eye(4)
@@ -39,8 +39,9 @@ def skinned_by_hand(body: BodyModel, params: BodyParams, frame: int) -> tuple[np
 @pytest.mark.parametrize("share", [1.0, 0.05])
 def test_agrees_with_plain_loops(tiny_body: BodyModel, share: float):
     """With many and with few correctives, for which it has a sparse table."""
-    kept = np.random.default_rng(0).random(tiny_body.pose_directions.shape) < share
-    tiny_body = replace(tiny_body, pose_directions=np.where(kept, tiny_body.pose_directions, 0))
+    dense = tiny_body.correctives_of(np.arange(len(tiny_body.template))).reshape(-1, 486)
+    kept = np.random.default_rng(0).random(dense.shape) < share
+    tiny_body = replace(tiny_body, pose_directions=sparse_if_mostly_zero(np.where(kept, dense, 0)))
     params = random_params(3, size=0.7)
     params = replace(params, leye_pose=0.2 + params.jaw_pose, reye_pose=0.1 - params.jaw_pose)
     mesh = Mesh(tiny_body, dtype=torch.float64)

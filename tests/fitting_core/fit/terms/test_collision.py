@@ -111,7 +111,7 @@ def test_closed_form_gradient_is_that_of_automatic_differentiation(objective, st
 
 def test_normal_matrix_is_that_of_automatic_differentiation_but_for_the_correctives(objective, state):
     """Correctives are left out of the matrix: with a body that has none it is exact."""
-    plain = replace(shipped_body(), pose_directions=np.zeros_like(shipped_body().pose_directions))
+    plain = replace(shipped_body(), pose_directions=0 * shipped_body().pose_directions)
     term = Collision(0.7, CollidingBody(plain, dtype=torch.float64))
     bare = FrameObjective([term], objective.view, objective.free)
     frame = torch.tensor([1])
