@@ -37,7 +37,7 @@ SECTIONS = [
     Section("data term", ((Data, "residual"),)),
     Section("cost of trial steps", ((FrameObjective, "cost"), (Sequence, "cost"))),
     Section("E_T: joints' rows", ((FrameObjective, "joint_jacobian"),)),
-    Section("E_T: blocks of the matrix", ((sequence._EvennessOf, "add"),)),
+    Section("E_T: blocks of the matrix", ((sequence._SmoothnessOf, "add"),)),
     Section("solve: dense, per frame", ((IndependentFrames, "solve"),)),
     Section("solve: shared shape", ((SharedShape, "solve"),)),
     Section("solve: block-banded", ((sequence, "solve_block_banded"),)),

@@ -220,7 +220,7 @@ def panels(review: Reviewing) -> Iterator[str]:
             until(lambda: review.page.gestures.reviewing.suspects is not None, "the review queue")
             settle(review)
         if panel.title == "Compare":
-            until(lambda: "being measured" not in review.tab.content(), "the figures")
+            until(lambda: "Measuring" not in review.tab.content(), "the figures")
         yield f"panel-{panel.title.lower()}"
 
 
@@ -315,8 +315,6 @@ def documentation(review: Reviewing) -> Iterator[str]:
     show(review, frames=None, selection=(), mode="ab", difference=True, frame=112)
     yield "compare"
     show(review, mode="space", difference=False)
-    review.tab.locator("[data-tcfit='view.from'][data-value=side]").click()
-    settle(review)
     yield "space"
 
 
@@ -324,9 +322,9 @@ def first_look(review: Reviewing) -> Iterator[str]:
     """The project as it opens, and its panels."""
     settle(review)
     yield "view"
-    for title in ("Keypoints", "Review", "Fit", "Runs", "Compare", "Export"):
-        open_panel(review, title)
-        yield title.lower()
+    for panel in PANELS[1:]:
+        open_panel(review, panel.title)
+        yield panel.title.lower()
 
 
 def starting(review: Reviewing) -> Iterator[str]:

@@ -15,7 +15,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.regular import StrPath, legible
 from fitting_core.io.people_file import LONGEST_NAME, MOST_PEOPLE, People, Person
 from fitting_core.keypoints import Keypoints
-from fitting_core.people.everybody import FoundPerson, find_everybody
+from fitting_core.people.everybody import FoundPerson, find_all_people
 from fitting_core.video.frame_names import spans
 
 
@@ -53,7 +53,7 @@ def read_people(
     if clip.person is not None:
         raise InputError(f"`person` is {clip.person}; expected none when everybody is read.")
     shot = read_shot(video, keypoints, clip, camera, detector=detector, tell=tell)
-    found = find_everybody(shot.detections, frame_rate=shot.frame_rate, first_frame=shot.first_frame, most=MOST_PEOPLE)
+    found = find_all_people(shot.detections, frame_rate=shot.frame_rate, first_frame=shot.first_frame, most=MOST_PEOPLE)
     of_places = check_inside(_together(found.people), shot.size)
     seen, of_camera = shot.camera(max(found.people, key=lambda one: one.prominence).keypoints)
     people = []

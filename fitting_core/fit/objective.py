@@ -16,7 +16,7 @@ from torch import Tensor
 from fitting_core.fit.fused.ready import fused_frames
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.positions import RelativePosition
-from fitting_core.fit.terms.temporal import REACH, Evenness, JointPositions
+from fitting_core.fit.terms.temporal import REACH, JointPositions, Smoothness
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate, SolverView
 from fitting_core.fit.variables.state import Free, State
@@ -56,9 +56,9 @@ class FrameObjective:
 
     def __init__(self, terms: Sequence[Term], view: SolverView, free: Free) -> None:
         self.view, self.free = view, free
-        self.terms = [term for term in terms if not isinstance(term, Evenness) and not term.once]
+        self.terms = [term for term in terms if not isinstance(term, Smoothness) and not term.once]
         """Terms summed in each frame."""
-        self.evenness = next((term for term in terms if isinstance(term, Evenness)), None)
+        self.smoothness = next((term for term in terms if isinstance(term, Smoothness)), None)
         """E_T, for problems that fit frames together."""
         self.shared = [term for term in terms if term.once]
         """Terms that count once for all frames."""
@@ -100,14 +100,14 @@ class FrameObjective:
     def costs_over_time(self, state: State, first: int | None = None) -> dict[str, float]:
         """E_T by its name, if it counts, summed over a clip whose frames are all in `state`, or over those residuals
         that begin in its first frames; 0 if it is too short."""
-        if self.evenness is None:
+        if self.smoothness is None:
             return {}
         state = state if first is None else state[: first + 2 * REACH]
         frames, total = torch.arange(len(state), device=state.vector.device), 0.0
         for start in range(0, len(state) - 2 * REACH, _EVALUATED):
             i = frames[start : start + _EVALUATED + 2 * REACH]
-            total += float(self.evenness.residual(Estimate(self.view, state[i], i)).square().sum())
-        return {self.evenness.name: total}
+            total += float(self.smoothness.residual(Estimate(self.view, state[i], i)).square().sum())
+        return {self.smoothness.name: total}
 
     def shared_costs(self, state: State) -> dict[str, Float[Tensor, "1"]]:
         """Terms that count once, evaluated on any one frame."""

@@ -276,7 +276,7 @@ class Stages:
     def context(self) -> TermContext:
         """What the terms are made from."""
         positioned = self.observations.relative_position_deviation.isfinite().any(2)
-        fitted = self.fitted  # a function that held these stages would keep them until the next look for cycles
+        fitted = self.fitted  # a closure over self would keep it alive until the next garbage collection
         return TermContext(
             config=self.config,
             body=self.body,
@@ -309,7 +309,7 @@ class Stages:
         used = ((joint_weights > 0).any(0) & chosen).nonzero()[:, 0]
         return UsedKeypoints(used, weight[:, used])
 
-    def _looked_in(self, stage: int) -> UsedKeypoints:
+    def _used_in(self, stage: int) -> UsedKeypoints:
         """Keypoints seen in any frame, or located by anything but the image in this stage."""
         o = self.observations
         known = o.relative_position_deviation.isfinite().any(2)
@@ -320,7 +320,7 @@ class Stages:
 
     def looked_at(self, stage: int) -> Int[Tensor, "N"]:
         """The keypoints of a stage's data term and relative positions."""
-        return self._looked_in(stage).indices
+        return self._used_in(stage).indices
 
     def view(self, indices: Int[Tensor, "N"], state: State | None) -> SolverView:
         """These keypoints on the body, before the camera; `state`, if given, determines the face contour's tables."""
@@ -333,7 +333,7 @@ class Stages:
         """What moves in a stage.
 
         Hands and face move only if the clip shows them: otherwise nothing but their priors would act on them. `resting`
-        says that they are still at rest (phase 1), where stages that do not look at them would leave them anyway.
+        says that they are still in the rest pose (phase 1), so that stages without their keypoints need not free them.
         """
         w = self.config.weights
         stages = [stage - 1] if resting else range(N_STAGES)
@@ -341,7 +341,7 @@ class Stages:
         face = self.has(kp.FACE) and any(w.face_keypoints[s] > 0 for s in stages)
         return Free(hands=hands, face=face, betas=betas, translation=translation)
 
-    def looks_closer(self, stage: int) -> bool:
+    def adds_detail(self, stage: int) -> bool:
         """Whether hands or face have more weight than in the stage before, so that many points start far off."""
         w = self.config.weights
         rows = ((w.hand_keypoints, kp.HANDS), (w.face_keypoints, kp.FACE))
@@ -355,8 +355,8 @@ class Stages:
             state: all frames of the clip; it determines the face contour's tables, which then stay.
             free: what moves.
         """
-        looked = self._looked_in(stage)
-        return FrameObjective(stage_terms(self.context, looked, stage), self.view(looked.indices, state), free)
+        used = self._used_in(stage)
+        return FrameObjective(stage_terms(self.context, used, stage), self.view(used.indices, state), free)
 
     def camera_objective(self, depth: Float[Tensor, "T"]) -> FrameObjective:
         """The camera step: orientation and translation on the torso, depth held near its guess.

@@ -56,7 +56,7 @@ def ground_under(
         frame_rate: Frames per second.
     """
     if not gravity.sure:
-        return "which way is up is not sure"
+        return "the up direction is uncertain"
     if contacts.seen.any(1).mean() < _LEAST_SEEN:
         return "the feet are not in the image"
     if contacts.standing.sum() / frame_rate < _LEAST:

@@ -53,7 +53,7 @@ class Everybody:
     """Omitted detections, for the user; empty without any."""
 
 
-def find_everybody(detections: Detections, *, frame_rate: float, first_frame: int = 0, most: int = _MOST) -> Everybody:
+def find_all_people(detections: Detections, *, frame_rate: float, first_frame: int = 0, most: int = _MOST) -> Everybody:
     """Track all people of a clip. Raises InputError if no person is visible for a quarter of a second.
 
     Args:

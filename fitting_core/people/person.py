@@ -40,7 +40,7 @@ def choose_person(
     """Choose one person over the clip. Raises InputError if there is no detection in the whole clip, or no frame with
     enough people.
 
-    All people are tracked as in `find_everybody`. Without an option, the one with the largest sum of size times mean
+    All people are tracked as in `find_all_people`. Without an option, the one with the largest sum of size times mean
     confidence is taken; others do not fill the gaps. Frames in which the person may be confused with another are noted.
 
     Args:

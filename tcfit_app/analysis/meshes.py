@@ -16,8 +16,8 @@ from fitting_core.body.points.positions import body_keypoints_in_space, joints_i
 from tcfit_app.analysis.byte_cache import ByteCache
 from tcfit_app.analysis.seen import opacities
 
-_LIMIT = 32 * 2**20
-"""Two hundred frames of the free body: a mesh takes 2.7 ms, so that a longer loop plays without it."""
+_LIMIT = 16 * 2**20
+"""A hundred frames of the free body. A mesh takes 2.7 ms, so that longer loops play without the cache."""
 
 
 class Meshes:

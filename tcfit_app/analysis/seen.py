@@ -1,4 +1,4 @@
-"""Which parts of the body the keypoints of a frame show. What is not seen is drawn as not sure, in every view."""
+"""Which parts of the body the keypoints of a frame show. Unseen parts are drawn faded in every view."""
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8

@@ -8,7 +8,7 @@ from fitting_core.detect.detecting import Detected, Detection, DetectionProgress
 from fitting_core.detect.detectors import Running, find_detector
 from fitting_core.detect.found import found_by
 from fitting_core.errors import InputError, printable
-from fitting_core.io.keypoints.openpose import SUFFIX, write_everybody
+from fitting_core.io.keypoints.openpose import SUFFIX, write_all_people
 from fitting_core.video.frame_names import split_number
 from fitting_core.video.frames import FrameSource
 from tcfit_app.cli.json_lines import emit_wrote
@@ -35,7 +35,7 @@ def run_detect(options: DetectOptions) -> None:
         running = Running(boxes=options.boxes, provider=options.provider, threads=options.threads)
         detector = find_detector(options.detector, running)
         found = _found(Detection(source=source, frames=frames, detector=detector))
-    write_everybody(folder, found.people, name=name, first_frame=frames[0], detector=found.points)
+    write_all_people(folder, found.people, name=name, first_frame=frames[0], detector=found.points)
     emit_wrote(folder, kind="keypoints")
     seen = sum(len(people) > 0 for people in found.people)
     where = f"people in {seen} of {len(frames)} frames, by {found_by(found)}"

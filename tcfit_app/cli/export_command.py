@@ -18,7 +18,7 @@ from tcfit_app.cli.json_lines import Note, Step, StepDone, emit, emit_wrote
 from tcfit_app.cli.progress import bar
 from tcfit_app.exports.exporting import write_export
 from tcfit_app.exports.from_path import formats_of, frame_range, numbers_of, source_of, target
-from tcfit_app.exports.motions import write_everybody
+from tcfit_app.exports.motions import write_all_people
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import exports
 from tcfit_app.options.export import LIST, ExportOptions
@@ -119,7 +119,7 @@ def _export_people(folder: Path, formats: Sequence[str], options: ExportOptions)
         for name, source, path in targets:
             _write_one(name, path, partial(write_export, exports()[name], source, path, zipped=False))
         if together:
-            _write_one(_TOGETHER, together[0], partial(write_everybody, sources, together[0], name=people.name))
+            _write_one(_TOGETHER, together[0], partial(write_all_people, sources, together[0], name=people.name))
 
 
 def _refuse_same(paths: Sequence[Path], folder: Path) -> None:

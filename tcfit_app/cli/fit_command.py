@@ -29,7 +29,7 @@ from tcfit_app.exports.motions import write_together
 from tcfit_app.exports.pictures import write_comparison
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.imports.given import read_shape, start_of
-from tcfit_app.options.clip_input import clip_of, described, everybody_of, notes_of
+from tcfit_app.options.clip_input import all_people_of, clip_of, described, notes_of
 from tcfit_app.options.fit import FitOptions, StartOptions, fit_config
 from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver
 
@@ -210,7 +210,7 @@ def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
     old = _check_out(options.out, overwrite=options.overwrite)
     body = prepared_body(options, config)
     with DetectionShown() as tell_progress:
-        everybody = everybody_of(options, tell_progress)
+        everybody = all_people_of(options, tell_progress)
     people, starts = _started(options, everybody, body)
     compile_kernels(config)
     outcomes: list[Outcome] = []

@@ -14,11 +14,11 @@ from fitting_core.video.fingerprint import fingerprint
 from tcfit_app.cli.progress import DetectionShown
 from tcfit_app.home.found import PROJECT_SUFFIX
 from tcfit_app.options.clip_input import (
+    all_people_of,
     check_not_new,
     clip_of,
     clip_options,
     described,
-    everybody_of,
     notes_of,
     refusal,
 )
@@ -46,7 +46,7 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
     if options.video is not None and is_packed(options.video):
         return _unpacked(options.video, options, reopen=reopen)
     if isinstance(options, NewOptions) and options.people is not None:
-        return _made_of_everybody(options)
+        return _made_of_all_people(options)
     height = height_of(options)
     if options.out is not None and not reopen:
         check_free(options.out)  # before the detection, which takes minutes
@@ -72,7 +72,7 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
     return folder
 
 
-def _made_of_everybody(options: NewOptions) -> Path:
+def _made_of_all_people(options: NewOptions) -> Path:
     """Make a folder of projects, one for each person."""
     ones = {"--reference": options.truth != ReferenceOptions(), "--height": options.height is not None}
     if given := [name for name, there in ones.items() if there]:
@@ -81,7 +81,7 @@ def _made_of_everybody(options: NewOptions) -> Path:
             "it to that person's project."
         )
     with DetectionShown() as tell_progress:
-        people = everybody_of(options, tell_progress)
+        people = all_people_of(options, tell_progress)
     folder = options.out or _folder_named(people[0].name)
     print(printable("\n".join(described(people[0].clip)[1:])), file=sys.stderr)
     for one in people:

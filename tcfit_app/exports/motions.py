@@ -31,7 +31,7 @@ def write_character(source: ExportSource, path: Path, progress: Progress) -> Non
     write_glb(path, source.motion(MOTION_FILES[".glb"].axes), progress)
 
 
-def write_everybody(sources: Sequence[ExportSource], path: Path, progress: Progress, *, name: str) -> str:
+def write_all_people(sources: Sequence[ExportSource], path: Path, progress: Progress, *, name: str) -> str:
     """The characters of a clip's people, whose frames are numbered in one video, in one GLB; see `write_together`.
 
     Raises:

@@ -33,7 +33,7 @@ def clip_of(options: FitOptions | NewOptions | ReviewOptions, tell: Tell | None 
     return dataclasses.replace(clip, notes=tuple(map(_translated, clip.notes)))
 
 
-def everybody_of(options: FitOptions | NewOptions, tell: Tell | None = None) -> list[PersonInClip]:
+def all_people_of(options: FitOptions | NewOptions, tell: Tell | None = None) -> list[PersonInClip]:
     """Read the clip of each person. Arguments as of `clip_of`. Raises InputError if files or options cannot be used, or
     an option is for one person."""
     if options.clip.person is not None:

@@ -23,7 +23,7 @@ from tcfit_app.review.page import REST, Faults, Page
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.drawing_data import DrawingData
 from tcfit_app.review.shared.video_frames import Videos
-from tcfit_app.review.tab.people import Group, Someone
+from tcfit_app.review.tab.people import Group, ReviewedPerson
 from tcfit_app.review.tab.tab import Tab, remember
 from tcfit_app.server.gated_viser import visitor
 from tcfit_app.server.page_files import PageFiles
@@ -95,9 +95,9 @@ class ReviewApp:
             server.on_client_connect(self.connected)
             server.on_client_disconnect(self.disconnected)
 
-    def _people(self, people: OpenPeople | None, sessions: Sequence[Session]) -> tuple[Someone, ...]:
+    def _people(self, people: OpenPeople | None, sessions: Sequence[Session]) -> tuple[ReviewedPerson, ...]:
         if people is None:
-            return (Someone(data=DrawingData(self.session, self._wake)),)
+            return (ReviewedPerson(data=DrawingData(self.session, self._wake)),)
         videos = Videos([session.project.footage for session in sessions], self._wake)
         return Group(people, [DrawingData(session, self._wake, videos) for session in sessions]).members
 
@@ -149,7 +149,7 @@ class ReviewApp:
         self.pages[number] = Page(tab)
         self._pages[number] = {self._first.number: self.pages[number]}
 
-    def _go_to(self, client: int, someone: Someone) -> None:
+    def _go_to(self, client: int, someone: ReviewedPerson) -> None:
         """Show someone else in a tab."""
         page, known = self.pages.get(client), self._pages.get(client, {})
         if page is None or page.tab.someone is someone:
@@ -158,7 +158,7 @@ class ReviewApp:
         if someone.number not in known:
             known[someone.number] = Page(page.tab.beside(someone))
         self.pages[client] = known[someone.number]
-        self.pages[client].come_from(page)
+        self.pages[client].take_over_from(page)
         if page.tab.name is not None:
             remember(self._shown, page.tab.name, someone.number)
 
@@ -173,7 +173,7 @@ class ReviewApp:
         for page in self._pages.pop(client, {}).values():
             page.close()
 
-    def _tell(self, about: Someone, notice: Notice) -> None:
+    def _tell(self, about: ReviewedPerson, notice: Notice) -> None:
         for page in self.pages.values():
             other = page.tab.someone is not about
             page.tab.notify(replace(notice, title=f"{about.name}: {notice.title}") if other else notice)

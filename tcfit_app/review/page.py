@@ -136,9 +136,9 @@ class Page:
         self.tab.channel.send("skeleton", SKELETON)
         self.tab.channel.send("keys", Keys(bindings=bindings()))
 
-    def come_from(self, other: "Page") -> None:
+    def take_over_from(self, other: "Page") -> None:
         """Replace another person's page in the same tab."""
-        self.tab.come_from(other.tab)
+        self.tab.take_over_from(other.tab)
         self._begin()
         self._show_panels(True)
 
@@ -196,11 +196,11 @@ class Page:
         self.tab.size = (event.width, event.height)
 
     def _go_to(self, event: page_events.GoToPerson) -> None:
-        everybody, session = self.tab.someone.everybody, self.tab.session
+        all_people, session = self.tab.someone.all_people, self.tab.session
         if session.can_choose_person:
             session.source.choose(self.tab.state.frame, event.person)
-        elif event.person < len(everybody):
-            self.tab.go_to(everybody[event.person])
+        elif event.person < len(all_people):
+            self.tab.go_to(all_people[event.person])
 
     def _key(self, event: page_events.Key) -> None:
         action = ACTIONS.get(event.action)
@@ -235,7 +235,7 @@ class Page:
     def _open_link(self, event: page_events.OpenLink) -> None:
         self.tab.doing = "Open the link"
         if event.person is not None:
-            self.tab.go_to(self.tab.someone.numbered(event.person))
+            self.tab.go_to(self.tab.someone.person_with_number(event.person))
             return self.tab.receive(msgspec.structs.replace(event, person=None))
         self.gestures.noting.open_link(event.frame, event.run, event.phase)
 

@@ -24,7 +24,7 @@ from tcfit_app.review.browser.page_events import Key, PageEvent, Press
 from tcfit_app.review.page import Page
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.drawing_data import DrawingData
-from tcfit_app.review.tab.people import Someone
+from tcfit_app.review.tab.people import ReviewedPerson
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
 from tcfit_app.server.page_files import PageFiles
@@ -215,7 +215,9 @@ def lone_page(
                 session.fits.fit(stored)  # which the drawing thread would not wait for
         files = PageFiles(here=True)
         receive: Callable[[PageEvent], None] = lambda event: run(page.tab.guarded(lambda: page.receive(event)))  # noqa: E731
-        page = Page(Tab(cast(viser.ClientHandle, client), Someone(data=data), do=run, receive=receive, files=files))
+        page = Page(
+            Tab(cast(viser.ClientHandle, client), ReviewedPerson(data=data), do=run, receive=receive, files=files)
+        )
         yield LonePage(page, sent)
     finally:
         server.gui._websock_interface.queue_message = queue

@@ -9,7 +9,7 @@ import math
 from fitting_core.fit.compiled.jit import helper, kernel
 from fitting_core.fit.compiled.turns import exponential, multiply
 from fitting_core.fit.fused.frame import cost_of, derive
-from fitting_core.fit.fused.motion import joints_of
+from fitting_core.fit.fused.joint_jacobians import joints_of
 
 CONVERGED, ITERATIONS, STALLED, FAILED = range(4)
 """Why a descent ended, as in `least_squares.Ending`."""

@@ -262,7 +262,7 @@ class _Frames:
             objective = self.stages.objective(stage, fits.state, free)
             share = ((stage + 1) / (N_STAGES + 2), (stage + 2) / (N_STAGES + 2))
             last = stage == N_STAGES and not _restarts(self.stages)
-            cold = self.stages.config.widened_start and self.stages.looks_closer(stage)
+            cold = self.stages.config.widened_start and self.stages.adds_detail(stage)
             fits = yield from self._minimise(objective, fits, stage_label(stage), share, final=last, cold=cold)
         return fits
 

@@ -128,8 +128,8 @@ class SharedShape(OnFrames):
     """Mean of E_o over frames that share their betas, plus the terms that count once for these (E_beta'): phase 2.
 
     The normal matrix is an arrow; the frames are eliminated first (Schur complement on the betas). The objectives'
-    must be free. Their own shape term counts too, so the betas are held twice, as the paper's formula reads literally:
-    E_beta' + mean of E_o, and E_o contains E_beta.
+    betas must be free. The objectives have a shape term of their own, so the betas are regularised twice, as in a
+    literal reading of the paper: E_beta' + mean of E_o, and E_o contains E_beta.
 
     Args:
         sample: Its objective, and its frames, which are the rows of a state.

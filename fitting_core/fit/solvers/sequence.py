@@ -7,7 +7,7 @@ from torch import Tensor
 from fitting_core.fit.objective import FrameObjective, jacobians_at_once
 from fitting_core.fit.solvers.banded import solve_block_banded
 from fitting_core.fit.solvers.problem import OnFrames, mean_costs
-from fitting_core.fit.terms.temporal import REACH, Evenness, off_mean
+from fitting_core.fit.terms.temporal import REACH, Smoothness, off_mean
 from fitting_core.fit.variables.state import State
 from fitting_core.least_squares import Step, damping_diagonal
 
@@ -25,14 +25,14 @@ def span_of(free: range, frames: int, *, windowed: bool = False) -> range:
     return range(max(0, free.start - before), min(frames, free.stop + after))
 
 
-class _EvennessOf:
+class _SmoothnessOf:
     """E_T over a span of frames of which some move.
 
     With L the map from joints q to residuals, r = L q, and D the Jacobian of the joints of one frame, the half gradient
     of frame i is D_i^T (L^T r)_i, and the blocks of the half matrix are (L^T L)_ij D_i^T D_j.
     """
 
-    def __init__(self, term: Evenness, objective: FrameObjective, clip: State, free: range, span: range) -> None:
+    def __init__(self, term: Smoothness, objective: FrameObjective, clip: State, free: range, span: range) -> None:
         self.term, self.objective, self.free = term, objective, free
         self.local = slice(free.start - span.start, free.stop - span.start)
         """The free frames in the span."""
@@ -114,8 +114,8 @@ class Sequence(OnFrames):
         self.objective = objective
         self.frames = torch.arange(free.start, free.stop, device=clip.vector.device)
         self.unknowns = len(free) * len(objective.index)
-        term, span = objective.evenness, span_of(free, len(clip), windowed=windowed)
-        self.evenness = None if term is None else _EvennessOf(term, objective, clip, free, span)
+        term, span = objective.smoothness, span_of(free, len(clip), windowed=windowed)
+        self.smoothness = None if term is None else _SmoothnessOf(term, objective, clip, free, span)
 
     def rows(self, groups: Tensor) -> Tensor:
         """All free frames."""
@@ -128,13 +128,13 @@ class Sequence(OnFrames):
     def cost(self, state: State, groups: Tensor) -> Float[Tensor, "1"]:
         """E of the free frames."""
         own = self.objective.cost(state, self.frames).sum()
-        return (own if self.evenness is None else own + self.evenness.cost(state))[None]
+        return (own if self.smoothness is None else own + self.smoothness.cost(state))[None]
 
     def terms(self, state: State) -> dict[str, float]:
         """Of E_o, and E_T."""
         costs = mean_costs(self.objective.costs(state, self.frames))
-        if self.evenness is not None:
-            costs[self.evenness.term.name] = float(self.evenness.cost(state)) / len(self.frames)
+        if self.smoothness is not None:
+            costs[self.smoothness.term.name] = float(self.smoothness.cost(state)) / len(self.frames)
         return costs
 
     def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
@@ -142,9 +142,9 @@ class Sequence(OnFrames):
         n = self.objective.normal(state, self.frames)
         count, width = n.gradient.shape
         bands, cost = [n.matrix], n.cost.sum()
-        if self.evenness is not None:
+        if self.smoothness is not None:
             bands += [n.matrix.new_zeros(max(count - k, 0), width, width) for k in range(1, 2 * REACH + 1)]
-            cost = cost + self.evenness.add(state, n.gradient, bands)
+            cost = cost + self.smoothness.add(state, n.gradient, bands)
         return cost[None], n.gradient[None], *(band[None] for band in bands)
 
     def solve(self, normal: tuple[Tensor, ...], damping: Tensor) -> Step:

@@ -47,7 +47,7 @@ class Data(Term):
     def errors(self, e: Estimate) -> Float[Tensor, "B N 2"]:
         """Pixels from the keypoints; 0 for satisfied one-sided ones, with the slope of the others.
 
-        So the matrix keeps their rows, and a step is shorter that would leave the side where they are satisfied.
+        This keeps their rows in the normal matrix, so steps that would violate them are shortened.
         """
         error = e.pixels - self.xy[e.frames]
         return error - torch.where(error * self.side[e.frames] > 0, error, 0.0).detach()

@@ -81,7 +81,7 @@ def _joints(body: BodyModel, dtype: torch.dtype, device: torch.device) -> BodyPo
 
 
 @dataclass(frozen=True, eq=False)
-class Evenness(Term):
+class Smoothness(Term):
     """E_T: weight x distance of each joint from the mean of its places in the frame before, this one and the next.
 
     The one term that couples frames: `solvers.sequence` has its derivatives.
@@ -101,12 +101,12 @@ def _make(context: TermContext, looked: UsedKeypoints, s: int) -> Term | None:
         return None
     in_camera = context.config.temporal.space == "camera"
     joints = JointPositions(context.body, context.parametrisation, in_camera=in_camera, path=context.camera.path)
-    return Evenness(context.temporal_weight, joints)
+    return Smoothness(context.temporal_weight, joints)
 
 
 ENTRY = Entry(
     name="temporal",
-    kind=Evenness,
+    kind=Smoothness,
     about="phase 3: joints move evenly; the residual is `(2 J[i] - J[i-1] - J[i+1]) / 3` for the joints J of frame i, "
     "in metres; its weight is `temporal.weight`",
     make=_make,

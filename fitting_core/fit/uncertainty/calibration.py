@@ -22,7 +22,7 @@ _EXACT = ((1.0, 0.0), (1.0, 0.0))
 def error_bars(stages: Stages, state: State) -> ErrorBars | None:
     """Error bars of a state found by phase 3; None if the lifter is not used, for which none were measured.
 
-    Arguments: as of `deviations`.
+    Takes the arguments of `deviations`.
     """
     return calibrated(deviations(stages, state)) if any(stages.config.weights.relative_position) else None
 

@@ -24,8 +24,8 @@ from fitting_core.io.keypoints.json_points import (
     kind,
     numbers,
     read_keypoint_json,
+    stated_detector,
     stray_confidences,
-    told_detector,
 )
 from fitting_core.keypoint_noise import COCO_WHOLEBODY
 from fitting_core.keypoints import Keypoints
@@ -81,7 +81,7 @@ def read_coco_wholebody(path: Path) -> Detections:
     scores = np.concatenate([points[:, 2] for people in raw for points in people] or [np.zeros(0)])
     visibilities = bool(np.isin(scores, (0, 1, 2)).all() and (scores == 2).any())
     most = 2.0 if visibilities else _MAX_SCORE
-    detector, of_detector = (COCO_WHOLEBODY, ()) if known.detector is None else told_detector(path, known.detector)
+    detector, of_detector = (COCO_WHOLEBODY, ()) if known.detector is None else stated_detector(path, known.detector)
     frames = []
     for frame, people in zip(known.frames, raw, strict=True):
         found = [_checked(frame.people[k][0], points, most, halved=visibilities) for k, points in enumerate(people)]

@@ -133,7 +133,7 @@ def stray_confidences(path: Path, confidences: Float[np.ndarray, "n"]) -> tuple[
     return (f"{path.name} has confidences outside 0 to 1 ({found}); they count as 0 or 1.",)
 
 
-def told_detector(path: Path, stated: Any) -> tuple[str, tuple[str, ...]]:
+def stated_detector(path: Path, stated: Any) -> tuple[str, tuple[str, ...]]:
     """The name in `keypoint_noise.DETECTOR_TITLES` that a file states, and a note if the detector is unknown."""
     name = stated.strip().lower() if isinstance(stated, str) else ""
     if name in DETECTOR_TITLES:

@@ -22,8 +22,8 @@ from fitting_core.io.keypoints.json_points import (
     numbers,
     read_keypoint_json,
     short,
+    stated_detector,
     stray_confidences,
-    told_detector,
 )
 from fitting_core.keypoint_noise import OPENPOSE
 from fitting_core.keypoints import BODY, BODY_25, COUNT, FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
@@ -89,7 +89,7 @@ def read_openpose(path: Path) -> Detections:
     canvas = found[0].canvas
     points = np.concatenate([people.reshape(-1, 3) for people in frames])
     shares = canvas is not None and guess_scale(points[points[:, 2] > 0, :2]) == UNIT
-    detector, of_detector = told_detector(path, found[0].content.get(DETECTOR, OPENPOSE))
+    detector, of_detector = stated_detector(path, found[0].content.get(DETECTOR, OPENPOSE))
     stems = tuple(one.stem for one in found)
     return Detections(
         frames=frames,
@@ -172,14 +172,14 @@ def write_openpose(
     image_stems: Sequence[str] = (),
     detector: str = "",
 ) -> list[Path]:
-    """Write one person's keypoints, as `write_everybody` does."""
+    """Write one person's keypoints, as `write_all_people` does."""
     points = np.concatenate([keypoints.xy, keypoints.confidence[..., None]], axis=-1)[:, None]
-    return write_everybody(
+    return write_all_people(
         folder, list(points), name=name, first_frame=first_frame, image_stems=image_stems, detector=detector
     )
 
 
-def write_everybody(
+def write_all_people(
     folder: Path,
     people: Sequence[Float[np.ndarray, "P 137 3"]],
     *,

@@ -309,7 +309,7 @@ class EditHistory:
         if expected is None or expected.id != action.edit:
             now = f"edit {expected.id} is" if expected else "nothing is"
             raise InputError(
-                f"Edit {action.edit} cannot be {verb} now; {now} next. Someone else may have edited meanwhile."
+                f"Edit {action.edit} cannot be {verb} now; {now} next. ReviewedPerson else may have edited meanwhile."
             )
 
     def _check_frames(self, frames: tuple[int, ...]) -> None:

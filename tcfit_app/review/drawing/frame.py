@@ -31,7 +31,7 @@ from tcfit_app.review.scene.space import Rings
 from tcfit_app.review.scene.windows import Arrangement
 from tcfit_app.review.shared.drawing_data import FrameBody
 from tcfit_app.review.tab.on_show import SLOTS, OnShow, Slot, coming, live_window
-from tcfit_app.review.tab.people import Someone
+from tcfit_app.review.tab.people import ReviewedPerson
 from tcfit_app.review.tab.state import TabState
 from tcfit_app.review.tab.tab import Tab
 
@@ -52,7 +52,7 @@ _UNKNOWN = Room(turn=np.eye(3), floor=1.0, boxes=np.array([[(-1.0, -1.0, 2.0), (
 class Other:
     """The body of another person of the clip."""
 
-    someone: Someone
+    someone: ReviewedPerson
     body: FrameBody
     layer: BodyLayer
 
@@ -228,7 +228,7 @@ class Frames:
         found = (self._other(someone) for someone in tab.someone.others[:MOST_OTHERS])
         return tuple(one for one in found if one is not None and one.layer.problem is None)
 
-    def _other(self, someone: Someone) -> Other | None:
+    def _other(self, someone: ReviewedPerson) -> Other | None:
         """A person's newest fit; None without one, or without its body model."""
         state = self._tab.state
         frame = someone.frame_of(state.frame + self._tab.first_frame)

@@ -92,7 +92,7 @@ class Status:
 
 
 GAP = 0.01
-"""Distance from which on a correction counts as not reached, in image diagonals; overlay.js draws the same ones."""
+"""Distance beyond which a correction counts as not reached, in image diagonals; overlay.js draws the same ones."""
 _WITH = {
     **{"elbow": "wrist", "wrist": "elbow", "shoulder": "elbow", "knee": "ankle", "ankle": "knee", "hip": "knee"},
     **{"heel": "ankle", "big_toe": "ankle", "small_toe": "ankle"},
@@ -118,7 +118,7 @@ def _gap_words(joint: int, gap: float) -> str:
     side, _, part = NAMES[joint].partition("_")
     held = "wrist" if joint >= BODY.stop and side in SIDES else _WITH.get(part, "")
     also = f"the {side} {held}" if held else "the keypoints around it"
-    return f"The body stays {gap:.0f} px from the {spoken(joint)}: move {also} as well, or reset it"
+    return f"The body is still {gap:.0f} px from the {spoken(joint)}. Move {also} too, or reset the keypoint"
 
 
 def lasting(tab: Tab) -> list[Chip]:

@@ -161,8 +161,8 @@ def _turn_side(gestures: Gestures) -> None:
 
 def _go_to_next_person(gestures: Gestures) -> None:
     someone = gestures.tab.someone
-    everybody = someone.everybody
-    gestures.tab.go_to(everybody[(someone.number + 1) % len(everybody)])
+    all_people = someone.all_people
+    gestures.tab.go_to(all_people[(someone.number + 1) % len(all_people)])
 
 
 def _escape(gestures: Gestures) -> None:
@@ -201,7 +201,7 @@ def joints(g: Gestures) -> None:
 
 def frames(g: Gestures) -> None:
     """Requires the frame on show to be among the selected ones."""
-    g.tab.refuse_unseen()
+    g.tab.require_visible_frames()
 
 
 def limbs(g: Gestures) -> None:

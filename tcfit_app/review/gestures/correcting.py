@@ -166,7 +166,7 @@ class Correcting:
         A selection that does not include the frame on show is ignored.
         """
         state = self._tab.state
-        frames = [state.frame] if self._tab.hits_unseen else list(self._tab.chosen_frames)
+        frames = [state.frame] if self._tab.hidden_frames_chosen else list(self._tab.chosen_frames)
         if not state.keypoints:
             raise InputError("Keypoints are hidden: show them first (K).")
         confidence = self._tab.session.project.corrected.confidence[frames].max(0)

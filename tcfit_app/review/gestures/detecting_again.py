@@ -83,7 +83,7 @@ class DetectingAgain:
         if self.going is not None:
             self.going.cancel()
 
-    def refuse_blind(self) -> None:
+    def require_detector(self) -> None:
         """Raises InputError if there are no keypoints that can be changed, or no video."""
         session = self._tab.session
         self._tab.refuse_read_only()
@@ -92,8 +92,8 @@ class DetectingAgain:
             raise InputError("The project's video is missing, so nothing can be detected.")
 
     def refuse(self) -> None:
-        """Raises InputError as `refuse_blind`, and while a second look is running."""
-        self.refuse_blind()
+        """Raises InputError as `require_detector`, and while a second look is running."""
+        self.require_detector()
         if self.busy:
             assert self.going is not None
             raise InputError(f"{self.going.title}: wait for it, or cancel it in the panel Keypoints.")

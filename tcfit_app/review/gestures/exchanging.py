@@ -12,7 +12,7 @@ from tcfit_app.project.edits.kinds import TakeOver
 from tcfit_app.project.edits.packed_points import packed
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.correcting import Correcting
-from tcfit_app.review.tab.people import Doubt, Someone
+from tcfit_app.review.tab.people import Doubt, ReviewedPerson
 from tcfit_app.review.tab.tab import Tab
 
 _ALL = tuple(range(COUNT))
@@ -59,7 +59,7 @@ class Exchanging:
         someone.group.settle(doubt)
         self._tab.say(f"It is {someone.name}: {_words(doubt.span)}")
 
-    def exchange(self, other: Someone, number: int) -> None:
+    def exchange(self, other: ReviewedPerson, number: int) -> None:
         """Swap the keypoints of two people from a frame on, in both projects. Raises InputError if they are not both
         present from this frame on, or a project cannot be written; neither is changed then, or, on a full disk, both
         are as before as soon as that can be written.
@@ -103,7 +103,7 @@ class Exchanging:
         self._tab.say(f"{mine.name} and {other.name} exchanged, {where}: fit both again{''.join(stay)}")
 
 
-def _keypoints(someone: Someone, numbers: range) -> bytes:
+def _keypoints(someone: ReviewedPerson, numbers: range) -> bytes:
     """Keypoints as they count now: confidence 0 for those marked bad."""
     first = someone.session.project.footage.first_frame
     now: Corrected = someone.session.project.corrected.at(tuple(n - first for n in numbers), _ALL)

@@ -9,7 +9,7 @@ from tcfit_app.review.gestures.shaping import MOST_BLEND, keep_handshape, own_ha
 from tcfit_app.review.panels.elements.field import Field, for_writers
 from tcfit_app.review.panels.elements.html import Board, action, button, choices, heading, paragraph, row
 
-_BLEND = "Frames before and after, in which the hand goes over into the shape and out of it"
+_BLEND = "Frames before and after over which the hand blends into and out of the shape"
 _NAME = "Name of a shape of your own: Save keeps the hand of the frame on show under it, for all projects"
 
 
@@ -49,7 +49,7 @@ class HandShapes:
             *([row(*theirs, wrap=True)] if own else []),
             row(act("shape_other", "Other hand"), act("copy_shape", "Copy")),
             *([] if copied is None else [row(act("shape_copied", f"Copied: {copied.name}"))]),
-            row(act("shape_last", "Last one again", disabled=shaping.last is None), act("free_hand", "Take off")),
+            row(act("shape_last", "Repeat last", disabled=shaping.last is None), act("free_hand", "Remove")),
         )
         self._blend.show(shaping.blend)
         unable = refusal(shaping.side) or ACTIONS["copy_shape"].obstacle(self._gestures)

@@ -102,7 +102,7 @@ class KeypointsPanel:
             hint=lambda name: "Select them",
         )
         self._groups.show(heading("Select a group"), row(*groups, wrap=True), *_detected_by(by))
-        self._draw_again(where, looks=not refusal(self._gestures.again.refuse_blind))
+        self._draw_again(where, looks=not refusal(self._gestures.again.require_detector))
         self._draw_history()
 
     def _draw_again(self, where: str, *, looks: bool) -> None:
@@ -153,7 +153,7 @@ class KeypointsPanel:
         swap = self._gestures.correcting.swap_sides
         swaps = choices("keypoints.swap", _SWAPPED, swap, lambda name: None, disabled=lambda name: off)
         self._buttons.show(
-            heading("Correct", words(f"{where}, not on show", "warn") if tab.hits_unseen else where),
+            heading("Correct", words(f"{where}, not on show", "warn") if tab.hidden_frames_chosen else where),
             row(act("bad", "Restore" if self._bad() else "Mark bad"), act("reset", "Reset")),
             row(act("copy", "Copy previous"), act("interpolate")),
             paragraph("Swap left and right:", "dim"),

@@ -13,7 +13,7 @@ class PersonChoice:
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
-        self._names = {someone.name: someone for someone in tab.someone.everybody}
+        self._names = {someone.name: someone for someone in tab.someone.all_people}
         self._choice: Dropdown | None = None
         if len(self._names) > 1:
             here = tab.someone.name

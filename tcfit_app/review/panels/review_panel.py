@@ -90,7 +90,7 @@ class ReviewPanel:
     def _entry(self, key: str) -> Suspect:
         found = [] if self._found is None else [s for s in self._found.left if s.key == key]
         if not found:
-            raise InputError("This entry has left the queue: its frames were checked or refitted.")
+            raise InputError("This entry is no longer in the queue: its frames were checked or refitted.")
         return found[0]
 
     def _go(self, entry: str) -> None:
@@ -212,7 +212,7 @@ class ReviewPanel:
         if rows:
             parts.append(table(rows, ("frames", "problem in the worst frame"), numbers=(0,)))
         else:
-            parts.append(paragraph("None of these is left.", "dim"))
+            parts.append(paragraph("No entries match this filter.", "dim"))
         if (more := len(self._suspects) - _MOST) > 0:
             parts.append(paragraph(f"and {more} more", "dim"))
         if self._looking:
@@ -242,7 +242,7 @@ class ReviewPanel:
         damage, plugins = self._tab.session.project.damage, tuple(fault.text for fault in faults())
         listed = [paragraph(text, "warn") for text in damage[:_MOST]]
         more = [paragraph(f"and {len(damage) - _MOST} more", "dim")] if len(damage) > _MOST else []
-        shown = [heading("Damaged in the project", first=True), *listed, *more] if damage else []
+        shown = [heading("Damaged project data", first=True), *listed, *more] if damage else []
         left_out = [paragraph(text, "warn") for text in plugins[:_MOST]]
         if left_out:
             shown += [heading("Plugins", first=not damage), *left_out]

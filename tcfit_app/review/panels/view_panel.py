@@ -220,7 +220,7 @@ class RunsShown:
             lambda phase: self._tab.set(**{side: FitChoice(run=now.run, phase=phase)}),
             lambda phase: now.phase == phase,
             disabled=lambda phase: run is None or (phase is not None and phase not in there),
-            hint=lambda phase: "The last phase that is there" if phase is None else "",
+            hint=lambda phase: "The last available phase" if phase is None else "",
         )
         phased = run is None or run.kind != "imported"  # a result of another program has no phases
         self._phases[side].show(*([row(choice(*buttons))] if phased else []))

@@ -4,7 +4,7 @@ from functools import partial
 
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.html import Board, Html, button, heading, paragraph, row
-from tcfit_app.review.tab.people import Someone
+from tcfit_app.review.tab.people import ReviewedPerson
 
 _MOST = 12
 """Spans listed; settled ones make room."""
@@ -19,7 +19,7 @@ class WhoIsWho:
         self._gestures, self._tab = gestures, gestures.tab
         self._board = Board(gestures.tab)
 
-    def _exchange(self, other: Someone) -> None:
+    def _exchange(self, other: ReviewedPerson) -> None:
         tab = self._tab
         tab.pause()
         self._gestures.exchanging.exchange(other, tab.state.frame + tab.first_frame)
@@ -35,7 +35,7 @@ class WhoIsWho:
         someone, fixed = self._tab.someone, self._tab.session.project.read_only
         exchanging = self._gestures.exchanging
         doubts = exchanging.doubts
-        rows = [heading("Who is who", f"{len(doubts)} not sure" if doubts else "")]
+        rows = [heading("Who is who", f"{len(doubts)} uncertain" if doubts else "")]
         if doubts:
             rows.append(paragraph(f"Is this {someone.name} before and after these frames?", "dim"))
         for i, doubt in enumerate(doubts[:_MOST]):

@@ -145,7 +145,7 @@ def _is_free(target: Float[np.ndarray, "3"], away: Float[np.ndarray, "3"], obsta
 
 
 def space_pose(bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
-    """Looks at bodies in a bounding box (least and greatest coordinates), from half to the side."""
+    """Looks at bodies in a bounding box (least and greatest coordinates), from an oblique angle."""
     middle = bounds.mean(0)  # the centre of rotation
     free = (window.height - window.covered) / window.height
     # A window higher than wide needs a greater distance.

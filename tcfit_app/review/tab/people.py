@@ -20,14 +20,14 @@ from tcfit_app.review.tab.state import TabState
 
 
 @dataclass(kw_only=True, eq=False)
-class Someone:
+class ReviewedPerson:
     """One of the people, with the data to draw them."""
 
     data: DrawingData
     name: str = ""
     """Empty if there is only one."""
     number: int = 0
-    """The position among `everybody`."""
+    """The position among `all_people`."""
     listed: int | None = None
     """The number from 1 in people.json, used in links and for --person; None if there is only one."""
     group: "Group | None" = None
@@ -41,14 +41,14 @@ class Someone:
         return self.data.session
 
     @property
-    def everybody(self) -> tuple["Someone", ...]:
+    def all_people(self) -> tuple["ReviewedPerson", ...]:
         """This person and the others, in order."""
         return (self,) if self.group is None else self.group.members
 
     @property
-    def others(self) -> tuple["Someone", ...]:
+    def others(self) -> tuple["ReviewedPerson", ...]:
         """The clip's other people, in order."""
-        return tuple(one for one in self.everybody if one is not self)
+        return tuple(one for one in self.all_people if one is not self)
 
     @property
     def exchanges(self) -> dict[str, LogEntry]:
@@ -60,15 +60,15 @@ class Someone:
         first, frames = self.session.project.footage.first_frame, _taken(entry).frames
         return first + frames[0], first + frames[-1]
 
-    def numbered(self, listed: int) -> "Someone":
+    def person_with_number(self, listed: int) -> "ReviewedPerson":
         """The person a link refers to. Raises InputError if there is no such person here.
 
         Args:
             listed: As in `listed`.
         """
-        found = next((someone for someone in self.everybody if someone.listed == listed), None)
+        found = next((someone for someone in self.all_people if someone.listed == listed), None)
         if found is None:
-            there = ", ".join(f"{one.listed} ({one.name})" for one in self.everybody if one.listed is not None)
+            there = ", ".join(f"{one.listed} ({one.name})" for one in self.all_people if one.listed is not None)
             raise InputError(
                 f"The link leads to person {listed}; "
                 + (
@@ -173,7 +173,7 @@ class Group:
         self._persons = [person for person, _ in people.projects]
         """The members' entries in people.json."""
         self.members = tuple(
-            Someone(
+            ReviewedPerson(
                 data=one,
                 name=person.name,
                 number=number,
@@ -211,7 +211,7 @@ class Group:
             found += [(taken[name].time, i, j, one.span(taken[name])) for name in taken.keys() & other.exchanges]
         return [(i, j, span) for _, i, j, span in sorted(found)]
 
-    def half_exchanged(self, number: int) -> list[tuple[Someone, LogEntry]]:
+    def half_exchanged(self, number: int) -> list[tuple[ReviewedPerson, LogEntry]]:
         """From whom a member has taken frames over without an exchange in return, and by which edits."""
         return [
             (other, entry)

@@ -22,7 +22,7 @@ from tcfit_app.review.scene.windows import Arrangement, divide
 from tcfit_app.review.session.tasks import Task, Value, Work
 from tcfit_app.review.tab.buttons import Buttons
 from tcfit_app.review.tab.on_show import OnShow, Playback, on_show
-from tcfit_app.review.tab.people import Someone
+from tcfit_app.review.tab.people import ReviewedPerson
 from tcfit_app.review.tab.state import FitSettings, TabState, seen_alike
 from tcfit_app.server.gate import HOME
 from tcfit_app.server.gated_viser import Visitor
@@ -52,7 +52,7 @@ class Tab:
     def __init__(
         self,
         client: viser.ClientHandle,
-        someone: Someone,
+        someone: ReviewedPerson,
         *,
         do: Callable[[Callable[[], None]], None],
         receive: Callable[[PageEvent], None],
@@ -77,13 +77,13 @@ class Tab:
         """Canvas size in CSS pixels, as last reported by the page."""
         self.commands = set[str]()
         """The actions in the command palette."""
-        self.go_to: Callable[[Someone], None] = lambda someone: None
+        self.go_to: Callable[[ReviewedPerson], None] = lambda someone: None
         """Show another person."""
         self.authors: Callable[[], Sequence[str]] = lambda: ()
         """Return the authors of all pages that are open."""
         self._show(someone)
 
-    def _show(self, someone: Someone) -> None:
+    def _show(self, someone: ReviewedPerson) -> None:
         self.someone, self.data, self.session = someone, someone.data, someone.session
         self.length = self.data.length
         self.first_frame = self.session.project.footage.first_frame
@@ -102,7 +102,7 @@ class Tab:
         self._made: dict[str, tuple[Hashable, Any]] = {}
         """By name: the result of `once`, and its key."""
 
-    def beside(self, someone: Someone) -> "Tab":
+    def beside(self, someone: ReviewedPerson) -> "Tab":
         """The same page, showing another person in a state of its own."""
         tab = copy(self)
         tab._show(someone)
@@ -199,7 +199,7 @@ class Tab:
             self.state = replace(self.state, plots=plots)
         self.set()
 
-    def come_from(self, other: "Tab") -> None:
+    def take_over_from(self, other: "Tab") -> None:
         """Show this person instead of another: the same moment, displayed in the same way."""
         self.name, self.author, self.size = other.name, other.author, other.size
         known = self._remembered.get(self.name or "", self.state)
@@ -246,13 +246,13 @@ class Tab:
 
     @property
     def frames_to_change(self) -> tuple[int, ...]:
-        """`chosen_frames`, for changing them. Raises InputError as `refuse_unseen`."""
-        self.refuse_unseen()
+        """`chosen_frames`, for changing them. Raises InputError as `require_visible_frames`."""
+        self.require_visible_frames()
         return tuple(self.chosen_frames)
 
-    def refuse_unseen(self) -> None:
+    def require_visible_frames(self) -> None:
         """Raises InputError if frames are selected but not the one on show: the change would not be visible."""
-        if self.hits_unseen:
+        if self.hidden_frames_chosen:
             chosen = in_words(self.chosen_frames, self.first_frame)
             raise InputError(
                 f"This would change the selected {chosen}, and frame {self.state.frame + self.first_frame} is on show. "
@@ -260,7 +260,7 @@ class Tab:
             )
 
     @property
-    def hits_unseen(self) -> bool:
+    def hidden_frames_chosen(self) -> bool:
         """Whether frames are selected, but not the one on show."""
         return self.state.frames is not None and self.state.frame not in self.state.frames
 

@@ -9,7 +9,7 @@ import pytest
 
 from fitting_core.detections import Detections
 from fitting_core.errors import InputError
-from fitting_core.people.everybody import Everybody, find_everybody
+from fitting_core.people.everybody import Everybody, find_all_people
 
 Figure = Callable[..., np.ndarray]
 RATE = 25.0
@@ -18,7 +18,7 @@ RATE = 25.0
 def found(frames: list[list[np.ndarray]], rate: float = RATE) -> Everybody:
     people = tuple(np.array(frame).reshape(-1, 137, 3) for frame in frames)
     stems = tuple(f"a_{t}" for t in range(len(people)))
-    return find_everybody(Detections(frames=people, stems=stems, source=Path("a")), frame_rate=rate, first_frame=100)
+    return find_all_people(Detections(frames=people, stems=stems, source=Path("a")), frame_rate=rate, first_frame=100)
 
 
 def noses(everybody: Everybody) -> list[np.ndarray]:

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from fitting_core.people.everybody import FoundPerson, find_everybody
+from fitting_core.people.everybody import FoundPerson, find_all_people
 from tests.samples.company.filmed import Company
 
 
@@ -28,7 +28,7 @@ class Told:
 
 def told_apart(company: Company) -> Told:
     """Follow everybody in a scene, and compare with who is who."""
-    found = find_everybody(company.detections, frame_rate=company.frame_rate).people
+    found = find_all_people(company.detections, frame_rate=company.frame_rate).people
     whose = [[None if k is None else company.owners[t][k] for t, k in enumerate(one.entries)] for one in found]
     count = len(company.points)
     table = np.array([[sum(owner == k for owner in one) for k in range(count)] for one in whose])

@@ -35,7 +35,7 @@ from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
 from tcfit_app.review.opening import open_project
 from tcfit_app.review.panels.review_panel import ReviewPanel
 from tcfit_app.review.session.session import Session
-from tcfit_app.review.tab.people import Someone
+from tcfit_app.review.tab.people import ReviewedPerson
 from tests.samples.people_projects import FRAMES, LATE, open_two, two_people
 
 
@@ -77,7 +77,7 @@ def hello(app: ReviewApp, tab: str) -> None:
 def test_each_person_counts_frames_from_the_own_first(folder: Path, panel_server: viser.ViserServer):
     with reviewed(folder, panel_server) as app:
         one, other = app.people
-        assert one.everybody == other.everybody == (one, other)
+        assert one.all_people == other.all_people == (one, other)
         assert [one.frame_of(n) for n in (-1, 0, FRAMES - 1, FRAMES)] == [None, 0, FRAMES - 1, None]
         assert [other.frame_of(n) for n in (LATE - 1, LATE)] == [None, 0]
 
@@ -187,11 +187,11 @@ def test_a_link_means_the_same_person_where_another_cannot_be_opened(folder: Pat
         page.tab.channel.ask = asked
         page.gestures.noting.copy_link()
         assert [call.args[0].person for call in asked.call_args_list] == [2]
-        assert page.tab.someone.numbered(2) is page.tab.someone
+        assert page.tab.someone.person_with_number(2) is page.tab.someone
         with pytest.raises(InputError, match="this clip has 2 "):
             page.tab.someone.numbered(1)
         with pytest.raises(InputError, match="one person's project"):
-            Someone(data=page.tab.data).numbered(2)
+            ReviewedPerson(data=page.tab.data).numbered(2)
 
 
 def test_news_of_somebody_else_say_whose_they_are(folder: Path, panel_server: viser.ViserServer):

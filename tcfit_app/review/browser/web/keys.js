@@ -7,7 +7,7 @@ import { cancelGesture } from "./picture/dragging.js";
 
 const TEXT_FIELDS = "textarea, select, [contenteditable]:not([contenteditable=false]), [role=dialog] *, " +
   "[role=menu] *, input:not([type=checkbox], [type=radio], [type=range], [type=button], [type=submit])";
-// What Enter and the space bar press, and no other key does anything to: not tabs and choices, where arrows go on.
+// Controls that only Enter and Space operate: not tabs or radio buttons, which use the arrow keys.
 const BUTTONS = ":is(button, [role=button], input[type=checkbox], input[type=button], input[type=submit])" +
   ":not([role=tab], [role=radio], [role=slider])";
 const PRESSING_KEYS = ["Enter", " "];
@@ -16,7 +16,7 @@ const CAMERA_KEYS = ["KeyW", "KeyA", "KeyS", "KeyD", "KeyQ", "KeyE"].concat(
   ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"],
 );
 
-// Asked at once: at the next key the browser takes a clicked button for one that was reached by keyboard.
+// Checked on focus: by the next key press, :focus-visible would match a clicked button too.
 /** @type {EventTarget | null} */
 let reachedByKeyboard = null;
 window.addEventListener("focusin", ({ target }) => {

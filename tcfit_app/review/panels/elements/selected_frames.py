@@ -12,7 +12,7 @@ def named(label: str, tab: Tab) -> str:
 
 def unseen(tab: Tab) -> list[Html]:
     """A warning while the frame on show is not among the selected ones: then nothing is changed."""
-    if not tab.hits_unseen:
+    if not tab.hidden_frames_chosen:
         return []
     chosen = in_words(tab.chosen_frames, tab.first_frame)
     return [

@@ -13,7 +13,7 @@ from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.solvers.solution import Progress, Solution
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.quadratic import Quadratic
-from fitting_core.fit.terms.temporal import Evenness, JointPositions
+from fitting_core.fit.terms.temporal import JointPositions, Smoothness
 from fitting_core.fit.variables.state import State
 from tests.samples.posed_clips import clip_of, motion, shipped_body
 
@@ -53,8 +53,10 @@ def one_shape(stages: Stages, state: State) -> Problem:
 
 def sequence(stages: Stages, state: State) -> Problem:
     objective = stages.objective(2, state, stages.free(2, betas=False))
-    evenness = Evenness(100.0, JointPositions(stages.body, stages.parametrisation, in_camera=True))
-    return Sequence(FrameObjective([*objective.terms, evenness], objective.view, objective.free), state, range(FRAMES))
+    smoothness = Smoothness(100.0, JointPositions(stages.body, stages.parametrisation, in_camera=True))
+    return Sequence(
+        FrameObjective([*objective.terms, smoothness], objective.view, objective.free), state, range(FRAMES)
+    )
 
 
 PROBLEMS = [every_frame, one_shape, sequence]

@@ -14,7 +14,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.solvers.sequence import Sequence, span_of
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.terms.temporal import Evenness, JointPositions, off_mean
+from fitting_core.fit.terms.temporal import JointPositions, Smoothness, off_mean
 from fitting_core.fit.variables.state import Free
 from fitting_core.least_squares import DIAGONAL_FLOOR
 from tests.samples.scenes import differentiated, hidden, keypoints_of, random_params, random_state, stages_of
@@ -43,7 +43,7 @@ class Scene:
 
     def objective(self, groups: Free | None = None) -> FrameObjective:
         objective = self.stages.objective(5, self.whole, groups or Free(betas=False))
-        terms = [*(objective.terms if self.terms else []), Evenness(WEIGHT, self.joints)]
+        terms = [*(objective.terms if self.terms else []), Smoothness(WEIGHT, self.joints)]
         return FrameObjective(terms, objective.view, objective.free)
 
     def sequence(self, free: range, groups: Free | None = None, *, windowed: bool = False) -> Sequence:
@@ -108,8 +108,8 @@ def step_of_all(scene: Scene, sequence: Sequence, free: range, *, windowed: bool
     jacobian = differentiated(
         lambda s: scene.joints.of(scene.joints.estimate(s, frames)).flatten(1), moving, sequence.objective.index
     )
-    assert sequence.evenness is not None
-    span, local = span_of(free, len(scene.whole), windowed=windowed), sequence.evenness.local
+    assert sequence.smoothness is not None
+    span, local = span_of(free, len(scene.whole), windowed=windowed), sequence.smoothness.local
     matrix = written_out(span)[:, local]
     rows = WEIGHT * torch.einsum("rn,nkd->rknd", matrix, jacobian)
     rows = rows.flatten(2).flatten(0, 1)

@@ -27,7 +27,7 @@ from fitting_core.fit.terms.locks import LOCK_WEIGHT
 from fitting_core.fit.terms.positions import HeldPosition, RelativePosition
 from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.terms.table import TERMS
-from fitting_core.fit.terms.temporal import Evenness
+from fitting_core.fit.terms.temporal import Smoothness
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import Free, State
@@ -404,7 +404,7 @@ DERIVED = (*BY_HAND, JointLimits.name, Huddle.name)
 
 
 def test_every_term_is_written_out_by_hand(scene: Scene):
-    tested, elsewhere = {type(scene.term(name)) for name in BY_HAND}, {JointLimits, Collision, Evenness}
+    tested, elsewhere = {type(scene.term(name)) for name in BY_HAND}, {JointLimits, Collision, Smoothness}
     assert tested == {Data, RelativePosition, HeldPosition, *(entry.kind for entry in TERMS.values())} - elsewhere
     assert {t.name for o in scene.objectives.values() for t in (*o.terms, *o.shared)} == set(BY_HAND)
 
@@ -414,7 +414,7 @@ def test_terms_of_weight_zero_are_not_made(tiny_body: BodyModel, name: str):
     zero = dict.fromkeys(("lean", "turn", "rest", "limits", "bending", "collision", "held_position"), (0.0,) * 5)
     config = replace(CONFIG, weights=replace(CONFIG.weights, **zero), temporal=replace(CONFIG.temporal, weight=0.0))
     stages = with_positions(stages_of(tiny_body, hidden(keypoints_of(tiny_body, random_params(2, 5)), *LEGS), config))
-    assert TERMS[name].make(stages.context, stages._looked_in(5), 4) is None
+    assert TERMS[name].make(stages.context, stages._used_in(5), 4) is None
 
 
 @pytest.mark.parametrize("name", BY_HAND)

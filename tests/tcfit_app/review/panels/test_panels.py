@@ -509,7 +509,7 @@ def test_the_queue_is_filtered_by_kind(tested: LonePage):
     tested.press("action", "next_suspect")
     assert page.tab.state.frame == 2
     with_suspects(tested, first)
-    assert "None of these is left." in tested.html()
+    assert "No entries match this filter." in tested.html()
     with pytest.raises(InputError, match="No entry of the queue is listed"):
         tested.press("action", "next_suspect")
 

@@ -6,7 +6,7 @@ import { NUMBER_INPUT, TEXT_INPUT } from "../viser/bridge.js";
 import { swallow } from "../keys.js";
 import { commandOf } from "./buttons.js";
 
-// --- numbers: viser sends nothing when a field has been emptied. Left so, it would hide the value that counts. ---
+// --- numbers: viser sends nothing when a field has been emptied. Left empty, it would hide the value in effect. ---
 
 /** @type {{ field: HTMLInputElement, value: string } | null} */
 let erased = null; // the field that was erased last, and the value that was
@@ -21,7 +21,7 @@ window.addEventListener("beforeinput", ({ target, inputType }) => {
   erasing = erases;
 }, true);
 
-// Later than viser's own: that takes away what is no number.
+// After viser's own handler, which strips everything that is not a number.
 window.addEventListener("focusout", ({ target }) => {
   if (erased && erased.field === target) setTimeout(bringBack, 0, erased);
 }, true);
@@ -56,7 +56,7 @@ window.addEventListener("keydown", (event) => {
   setTimeout(emit, HELD_BACK, commandOf(button));
 }, true);
 
-// --- files: viser would send all of it, and show for ever that it does ---
+// --- files: viser would upload the whole file and show its progress forever ---
 
 window.addEventListener("change", (event) => {
   const { target } = event;

@@ -22,13 +22,13 @@ function pressTab(tab) {
 
 /** Panels come some time after the picture, one by one, and viser shows the first of them until all are there.
  * @param {number} looks that are left @param {number} still looks for which it has stayed */
-function bringPanelBack(looks, still) {
+function restorePanel(looks, still) {
   const wanted = sessionStorage.getItem(PANEL);
   if (!wanted || !looks || still === STILL) return;
   const tab = allTabs().find(({ title }) => title === wanted);
   const shown = tab?.getAttribute("aria-selected") === "true";
   if (tab && !shown) pressTab(tab);
-  setTimeout(bringPanelBack, LOOKING, looks - 1, shown ? still + 1 : 0);
+  setTimeout(restorePanel, LOOKING, looks - 1, shown ? still + 1 : 0);
 }
 
 window.addEventListener("click", ({ target }) => {
@@ -57,5 +57,5 @@ const isShown = (field) => field.getClientRects().length > 0;
 const nameOf = (field) => field.getAttribute("aria-label") ?? field.labels?.[0]?.textContent ?? "";
 
 watch("skeleton", (skeleton) => {
-  if (skeleton) setTimeout(bringPanelBack, LOOKING, LOOKS, 0);
+  if (skeleton) setTimeout(restorePanel, LOOKING, LOOKS, 0);
 });

@@ -8,7 +8,7 @@ import { PATIENCE, emit, emitLast, emitSoon, invalidate, known, states, watch } 
 import { DRAG_THRESHOLD, leaveField } from "../elements.js";
 import { canvas, canvasSize, keepCameraFlat, moveWheel } from "../viser/bridge.js";
 import { beginDepthDrag, endDepthDrag, followInDepth } from "./depth.js";
-import { meanPersonAt } from "./people.js";
+import { selectPersonAt } from "./people.js";
 import {
   REACH, TOUCH_REACH, canvasPlace, inPicture, overPoster, overScene, pick, pictureAt, pointer, within,
 } from "./picking.js";
@@ -147,7 +147,7 @@ function pressBesides(gesture) {
   if (chosen.joints.size) select([], "replace");
   const map = drawn.maps.find((one) => isPicture(one) && inBox(one.seen, gesture));
   const still = Math.hypot(gesture.x - gesture.x0, gesture.y - gesture.y0) < DRAG_THRESHOLD;
-  if (map && still) meanPersonAt(map, gesture);
+  if (map && still) selectPersonAt(map, gesture);
 }
 
 /** @param {Gesture} gesture */

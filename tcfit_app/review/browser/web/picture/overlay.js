@@ -23,7 +23,7 @@ import {
 } from "./skeleton.js";
 import { drawSilhouette } from "./silhouette.js";
 
-const GAP = 0.01; // image diagonals from which on a correction counts as not reached
+const GAP = 0.01; // image diagonals beyond which a correction counts as not reached
 const FINE_BONES = 1.3; // CSS pixels: too fine for a rim
 const NAME_ROOM = 260; // CSS pixels for a fit's name, also beyond a narrow picture
 

@@ -1,5 +1,5 @@
-// The clip's other people in each picture: a name above the head and, where nothing else shows them, their bones. A
-// press on either says that this person is meant.
+// The clip's other people in each picture: a name above the head and, where nothing else shows them, their bones. Clicking
+// either selects that person.
 
 /** @import { OtherPerson } from "../wire" */
 /** @import { PosterMap } from "./projection.js" */
@@ -70,7 +70,7 @@ export function drawPeople(context, map) {
 
 /** Reports that the user means the person at a place of a picture, if another person's bones are around it; offers to
  * search there if no person was detected. @param {PosterMap} map @param {{ x: number, y: number }} at */
-export function meanPersonAt(map, at) {
+export function selectPersonAt(map, at) {
   const spot = toImage(map, at.x, at.y);
   const person = others().find(({ bones }) =>
     surrounded(bones.flatMap(([x0, y0, x1, y1]) => /** @type {Pixel[]} */ ([[x0, y0], [x1, y1]])), spot));

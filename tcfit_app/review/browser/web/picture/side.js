@@ -79,7 +79,7 @@ function drawRuler(context, map, side) {
   if (step > 36) write(context, `${tick} m`, last - step / 2, y + (y + 18 < bottom ? 10 : -10), "center");
 }
 
-/** Small text, also to be read on a body. @param {Context} context @param {string} text @param {number} x
+/** Small text, legible over a body. @param {Context} context @param {string} text @param {number} x
  * @param {number} y @param {CanvasTextAlign} align */
 function write(context, text, x, y, align) {
   context.font = `13px ${FONT}`;
