@@ -189,9 +189,9 @@ def test_a_link_means_the_same_person_where_another_cannot_be_opened(folder: Pat
         assert [call.args[0].person for call in asked.call_args_list] == [2]
         assert page.tab.someone.person_with_number(2) is page.tab.someone
         with pytest.raises(InputError, match="this clip has 2 "):
-            page.tab.someone.numbered(1)
+            page.tab.someone.person_with_number(1)
         with pytest.raises(InputError, match="one person's project"):
-            ReviewedPerson(data=page.tab.data).numbered(2)
+            ReviewedPerson(data=page.tab.data).person_with_number(2)
 
 
 def test_news_of_somebody_else_say_whose_they_are(folder: Path, panel_server: viser.ViserServer):
