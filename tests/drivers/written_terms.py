@@ -6,7 +6,7 @@ from pathlib import Path
 from fitting_core.fit.terms.table import TERMS
 
 _ROOT = Path(__file__).parents[2]
-_TABLE = re.compile(r"\| term \| weights \| what it says \|\n(\|.*\n)+")
+_TABLE = re.compile(r"\| term \| weights \| meaning \|\n(\|.*\n)+")
 
 
 def docs_table() -> str:
@@ -15,7 +15,7 @@ def docs_table() -> str:
         f"| `{entry.name}` | {', '.join(f'`{weight}`' for weight in entry.weights)} | {entry.about} |\n"
         for entry in TERMS.values()
     ]
-    return "".join(["| term | weights | what it says |\n", "|---|---|---|\n", *rows])
+    return "".join(["| term | weights | meaning |\n", "|---|---|---|\n", *rows])
 
 
 def written() -> dict[Path, str]:

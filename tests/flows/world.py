@@ -285,7 +285,9 @@ class World:
 
     def _check_fit(self, run: Run) -> None:
         shown, stored = self.session.fits.fit(run), self.project.runs.load(run.id)
-        _expect(_same(shown, stored), f"{run.name} on show differs from the one on the disk")
+        _expect(
+            _same(shown, stored), f"{run} on show differs from the one on the disk: {_sizes(shown)}, {_sizes(stored)}"
+        )
 
     def _check_undone_corrections(self) -> None:
         """Corrections that were all undone are the run that they correct."""
@@ -306,6 +308,11 @@ def _same(one: FitResult, other: FitResult) -> bool:
         return False
     pairs = zip(vars(one.last.params).values(), vars(other.last.params).values(), strict=True)
     return all(np.array_equal(a.numpy(), b.numpy()) for a, b in pairs)
+
+
+def _sums(fit: FitResult) -> dict[int, list[float]]:
+    """Sums of the parameters of each phase, which tell two versions of a fit apart."""
+    return {one.phase: [float(values.sum()) for values in vars(one.params).values()] for one in fit.phases}
 
 
 def _pipes(folder: str, names: list[str]) -> list[str]:

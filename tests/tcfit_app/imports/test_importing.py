@@ -209,7 +209,7 @@ def test_a_path_becomes_a_run_that_can_be_shown_as_a(tested: LonePage, tmp_path:
     run = session.fits.runs[-1]
     assert run.kind == "imported" and tab.message[0] == "Imported: theirs; show it as A or B"
     html = tested.html()
-    assert "imported" in html and "SMPLify-X results" in html and str(tmp_path / "theirs") in html
+    assert "imported" in html and "theirs" in html
     assert "Use its settings" not in html
     shown = session.fits.show(FitChoice())
     assert shown is not None and shown.run.id == own.id, "what was imported is not the newest fit"

@@ -43,8 +43,8 @@ def test_it_tells_what_a_replay_of_the_log_tells(steps: list[str]):
         edits = then - remarks
         assert standing.stood_by(seen) == (edits <= now) and standing.counted(seen) == len(edits)
         assert all(standing.stood_by(seen, k) == (edits <= set(after[k])) for k in range(seen, len(after)))
-        assert standing.stood(seen) == (seen in now)
-        assert all(standing.stood(number, seen) == (number in then) for number in range(len(after)))
+        assert bool(standing.stood(seen)) == (seen in now)
+        assert all(bool(standing.stood(number, seen)) == (number in then) for number in range(len(after)))
 
 
 def calls(work: Callable[[], Any]) -> int:

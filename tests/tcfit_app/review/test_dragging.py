@@ -11,9 +11,8 @@ import viser
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.keypoints import INDEX
-from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.live import Correction
-from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.browser.page_events import Drag
 from tcfit_app.review.panels.fit.fit_panel import FitPanel
 from tests.drivers.lone_page import LonePage, tiny_page
@@ -81,35 +80,30 @@ def test_the_old_body_does_not_come_back_when_a_drag_ends(tested: LonePage, chos
 
 
 @pytest.mark.parametrize("by_key", [False, True])
-def test_what_is_on_show_is_corrected_and_no_earlier_corrections_of_it(tested: LonePage, by_key: bool):
-    """The parent stands as B again, beside corrections of it that went wrong."""
+def test_a_run_that_has_corrections_gets_no_second_run_of_them(tested: LonePage, by_key: bool):
+    """All edits stand in both, whichever of the two is on show."""
     tab, run = tested.page.tab, tested.fit()
     session = tab.session
 
-    def correct(dx: float) -> Run:
+    def corrected(dx: float) -> Shown:
         drag(tested, "start", 0.0)
         drag(tested, "end", dx)
         tested.until(lambda: not session.edit_follower.busy)
         shown = tab.look().b
         assert shown is not None
-        return shown.run
+        return shown
 
-    bad = correct(150.0)
-    assert bad.parent == run.id and session.fits.meant(FitChoice()) == bad
-    went_wrong = session.fits.fit(bad)
+    first = corrected(150.0)
+    before = first.params.body_pose.clone()
     tab.set(b=FitChoice(run=run.id), frame=0, selection=(WRIST,))
     if by_key:
         tested.page.gestures.correcting.nudge(30.0, 0.0)
         tested.until(lambda: not session.jobs and not session.edit_follower.busy)
     else:
-        tested.page.receive(Drag("start", (WRIST,), 0.0, 0.0, 0))
-        tested.page.receive(Drag("end", (WRIST,), 30.0, 0.0, 0))
-        tested.until(lambda: not session.edit_follower.busy)
-    found = tab.look().b
-    assert found is not None and found.run.id not in (run.id, bad.id)
-    assert (found.run.kind, found.run.parent, found.run.name) == ("corrections", run.id, f"{bad.name} 2")
-    assert np.array_equal(found.params.body_pose[-1], session.fits.fit(run).last.params.body_pose[-1])
-    assert session.fits.fit(bad) is went_wrong, "it stays as it was"
+        corrected(30.0)
+    second = tab.look().b
+    assert second is not None and (first.run.id, first.run.parent) == (second.run.id, run.id)
+    assert not np.array_equal(before, second.params.body_pose)
 
 
 def test_a_drag_of_another_frame_or_run_leaves_this_body_alone(tested: LonePage):
