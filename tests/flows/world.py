@@ -285,9 +285,8 @@ class World:
 
     def _check_fit(self, run: Run) -> None:
         shown, stored = self.session.fits.fit(run), self.project.runs.load(run.id)
-        _expect(
-            _same(shown, stored), f"{run} on show differs from the one on the disk: {_sizes(shown)}, {_sizes(stored)}"
-        )
+        sums = f"{_sums(shown)} and {_sums(stored)}"
+        _expect(_same(shown, stored), f"{run.name} ({run.kind}) on show differs from the one on the disk: {sums}")
 
     def _check_undone_corrections(self) -> None:
         """Corrections that were all undone are the run that they correct."""
