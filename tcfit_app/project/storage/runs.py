@@ -143,7 +143,7 @@ class Runs:
             "summary": None if fit is None else _summary(fit, summary),
         }
         if fit is None:
-            with self._writing() as connection:
+            with self._writing() as connection, accessing(self._folder):
                 number = self._insert(connection, row)
             return self.get(number)
         number = None
@@ -152,7 +152,6 @@ class Runs:
             try:
                 with self._writing() as connection:
                     number = self._insert(connection, row)
-                    self._remove_files(number)  # a killed process may have left changes of a run of this number
                     change(self.changes(number))
                     os.replace(draft, self._path(number))
                     sync(self._folder)
@@ -169,6 +168,7 @@ class Runs:
             tuple(row.values()),
         ).lastrowid
         assert number is not None
+        self._remove_files(number)  # a killed process may have left changes of a run of this number
         if not row["name"]:
             connection.execute("UPDATE runs SET name = ? WHERE id = ?", (f"Run {number}", number))
         return number

@@ -1,5 +1,6 @@
 """Changes of corrections: they count as long as the edits stand to which they were fitted."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,20 @@ def changed(project: Project, fit: FitResult, window: range, seed: int) -> FitRe
 def folder(tmp_path: Path) -> Path:
     Project.create(tmp_path / "walk.tcfit", sample_clip()).close()
     return tmp_path / "walk.tcfit"
+
+
+def test_changes_that_a_killed_process_left_are_not_those_of_the_next_run(folder: Path):
+    """A kill between the first change of a run of corrections and the run's row leaves the change alone."""
+    with Project.open(folder) as project:
+        project.runs.start(CONFIG, fit=sample_fit(0), body=BODY, edits_seen=0)
+        project.append(random_edit(1))
+        changed(project, sample_fit(0), range(0, 3), 1)
+        shutil.copytree(folder / "runs" / "000002", folder / "runs" / "000003")
+    with Project.open(folder) as project:
+        run = project.runs.start(CONFIG, body=BODY, edits_seen=1)
+        assert run.id == 3
+        project.runs.finish(run.id, sample_fit(2))
+        assert_same_fit(project.runs.load(run.id), sample_fit(2))
 
 
 def test_the_log_says_which_changes_count(folder: Path, tmp_path: Path):
