@@ -351,8 +351,8 @@ class Session:
     def _start_of(self, shown: Shown) -> FitResult:
         if shown.run.kind == "imported":
             raise InputError(
-                f"{shown.run.name} was imported: its frames and shape cannot be refitted. Refine it in the "
-                "panel Runs, or show another run as B."
+                f"{shown.run.name} was imported: its frames and shape cannot be refitted. Choose it in "
+                "Start from in the panel Fit, or show another run as B."
             )
         return self.fits.fit(shown.run)
 
