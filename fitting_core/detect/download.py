@@ -178,7 +178,7 @@ def _installed(model: KnownModel, part: Path, folder: Path) -> Downloaded:
             origin = "known for it" if model.sha256 else "of its first download"
             raise InputError(
                 f"{model.url}: gave a model with the SHA-256 {found}; {expected} is {origin}. It was not kept: "
-                "somebody may have changed it on the way, or the publisher has replaced it."
+                "it may have been altered in transit, or the publisher has replaced it."
             )
         OnnxModel(draft, threads=1)
     if not model.sha256:

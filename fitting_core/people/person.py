@@ -108,7 +108,7 @@ def _frames_found(one: FollowedPerson, count: int, first_frame: int) -> str:
 
 
 def _describe_asked(one: FollowedPerson, count: int, first_frame: int, person: int, start: int) -> str:
-    asked = f"Person: whoever is at place {person} of the list of frame {first_frame + start}, as asked"
+    asked = f"Person: the one at place {person} of the list of frame {first_frame + start}, as asked"
     elsewhere = sorted(first_frame + t for t, seen in one.sightings.items() if seen.entry != person)
     moved = f" In frames {spans(elsewhere)} the same person has another place." if elsewhere else ""
     return f"{asked}; {_frames_found(one, count, first_frame)}{moved}"

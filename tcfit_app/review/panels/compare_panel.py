@@ -36,7 +36,7 @@ from tcfit_app.review.session.tasks import Step
 from tcfit_app.review.tab.tab import Tab
 
 _MEASURING = "Measuring …"
-_NO_FIT = "This panel compares two fits. There is none yet: see the panel Fit."
+_NO_FIT = "This panel compares two fits. Make one in the panel Fit first."
 _BETTER = "better in green"
 _SAME = "A and B are the same fit: choose another in the panel View or Runs."
 

@@ -42,7 +42,7 @@ from tcfit_app.review.tab.tab import Tab
 
 _NOTHING = "Select by name"
 _SELECT = "Click one in the picture, or draw a rectangle with Shift held."
-_NONE_YET = "There are none yet: find or import them in the panel Start."
+_NONE_YET = "No keypoints yet: detect or import them in the panel Start."
 _KEYFRAMES = f"Between two frames at most {LONGEST_GAP} apart in which a keypoint was moved, it is interpolated"
 _SWAPPED = {"arms": "Arms", "legs": "Legs"}
 """Swaps that have no key."""

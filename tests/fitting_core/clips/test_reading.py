@@ -171,7 +171,7 @@ def test_a_person_is_chosen_or_asked_for(video, write_people, figure):
     chosen, asked = read_clip(video(3), folder), read_clip(video(3), folder, clip=ClipOptions(person=0))
     assert neck_numbers(chosen) == [100, 100, 100] and neck_numbers(asked) == [-40, -40, -40]
     assert any("largest and surest of 2 people" in note for note in chosen.notes)
-    assert any("whoever is at place 0 of the list of frame 0, as asked" in note for note in asked.notes)
+    assert any("the one at place 0 of the list of frame 0, as asked" in note for note in asked.notes)
 
 
 CAMERAS = {

@@ -129,7 +129,7 @@ def test_who_is_asked_for_is_followed_through_lists_of_any_order(figure):
     assert choice.entries == (None, 1, None, 0)
     assert choice.keypoints.xy[3, 0].tolist() == small[0, :2].tolist()
     assert choice.note == (
-        "Person: whoever is at place 1 of the list of frame 6, as asked; found in 2 of 4 frames, not in frames 5, 7. "
+        "Person: the one at place 1 of the list of frame 6, as asked; found in 2 of 4 frames, not in frames 5, 7. "
         "In frames 8 the same person has another place."
     )
 

@@ -123,7 +123,7 @@ def _people(system: System, content: Any) -> tuple[PersonTrack, ...]:
     """The person in most frames first."""
     found: Mapping[int, Sequence[int]] = system.people(content)
     if not found:
-        raise InputError(f"is a result of {system.title} with nobody in it")
+        raise InputError(f"is a result of {system.title} without a person")
     people = (PersonTrack(number=number, numbers=tuple(sorted(frames))) for number, frames in found.items())
     return tuple(sorted(people, key=lambda one: (-len(one.numbers), one.number)))
 

@@ -11,7 +11,7 @@ for (const [name, values] of waiting) window.tcfit[name](...values);
 /** In the page of another viser: says so in the page, in its console and to the server, and does nothing else. */
 function strangerCalls() {
   const { viser, complain } = window.tcfit;
-  complain(`tcfit needs viser ${KNOWN_VERSION}, found ${viser}, whose page lacks: ${missing.join(", ")}. Install tcfit anew.`);
+  complain(`tcfit needs viser ${KNOWN_VERSION}, found ${viser}, whose page lacks: ${missing.join(", ")}. Reinstall tcfit.`);
   /** @param {string} field */
   const tell = (field) => {
     if (canSend()) sendText(field, JSON.stringify({ number: 1, event: { type: "stranger", viser, missing } }));

@@ -26,7 +26,7 @@ const LIGHT = {
 };
 
 const light = window.matchMedia("(prefers-color-scheme: light)");
-// Asked for once: Chromium tells no change that was seen by asking before it has told it.
+// Read once: Chromium fires no change event for a value that was read before the event.
 let dark = !light.matches;
 
 /** Those that hold now; for canvases. */

@@ -223,7 +223,7 @@ def test_nothing_is_sent_when_nothing_changed(panel_of: Opener):
 
 def test_two_fits_are_compared(panel_of: Opener):
     tested = panel_of(ComparePanel)
-    assert "There is none yet" in tested.html()
+    assert "Make one in the panel Fit first" in tested.html()
     tested.fit()
     assert "Measuring" in tested.html()
     tested.until(lambda: "Jitter" in tested.html() and "B − A" in tested.html())
