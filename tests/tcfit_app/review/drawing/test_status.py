@@ -33,7 +33,7 @@ def test_a_correction_out_of_reach_says_how_far_and_what_to_move_as_well(
         tab.session.project.append(MoveKeypoint(frames=(tab.state.frame,), joints=(elbow,), xy=(((x, y),),)))
         (text,) = said()
         assert text.endswith("from the right elbow. Move the right wrist too, or reset the keypoint")
-        assert 200 < float(text.split("px")[0].rpartition("stays ")[2]) < 400
+        assert 200 < float(text.split("px")[0].rpartition("still ")[2]) < 400
         tab.set(selection=(INDEX["right_wrist"],))
         assert not said()
         tab.set(selection=(elbow,))
