@@ -1,5 +1,5 @@
-// The clip's other people in each picture: a name above the head and, where nothing else shows them, their bones. Clicking
-// either selects that person.
+// The clip's other people in each picture: a name above the head and, where nothing else shows them, their bones.
+// Clicking either selects that person.
 
 /** @import { OtherPerson } from "../wire" */
 /** @import { PosterMap } from "./projection.js" */
