@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 _M_ARENA_MAX, _ARENAS = -8, 2
 """glibc's parameter for the number of heaps that its malloc shares among threads, and its value."""
-_M_MMAP_THRESHOLD, _OWN_PAGES = -3, 1 << 17
-"""glibc's parameter for the size from which a block has pages of its own, and its value, bytes."""
 
 
 def load_app() -> None:
@@ -29,13 +27,9 @@ def load_app() -> None:
     of all, which stay (0.3 s of a start, and 0.17 s of each full collection, for which a frame would wait).
 
     Threads share two heaps: with one for each, as many as eight a core, every clip that is opened leaves 50 MB behind.
-    Blocks of 128 KiB or more return to the system when they are freed: otherwise glibc raises this size to 32 MiB, and
-    small blocks between the large ones keep 40 MB after the first fit.
     """
     if platform.libc_ver()[0] == "glibc":
-        libc = ctypes.CDLL(None)
-        libc.mallopt(_M_ARENA_MAX, _ARENAS)
-        libc.mallopt(_M_MMAP_THRESHOLD, _OWN_PAGES)
+        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, _ARENAS)
     gc.disable()
     try:
         for name in ("torch", "tcfit_app.project.project", "tcfit_app.review.app"):
