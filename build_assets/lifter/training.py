@@ -236,7 +236,7 @@ def _read_checkpoint(path: Path, of: Mapping[str, object]) -> dict[str, Any]:
     try:
         state = torch.load(regular_file(path, most=None), weights_only=True)
         found = state.pop("of")
-    except Exception as error:  # torch raises whatever the damage led to
+    except Exception as error:  # torch raises many kinds for damaged files
         raise InputError(f"{path}: not a checkpoint of this training ({error}). Delete it to start again.") from error
     if found != dict(of):
         raise InputError(

@@ -102,7 +102,7 @@ def broken_places(clips: int, broken: int) -> dict[int, str]:
 
 
 def write_batch(folder: Path, body: BodyModel, *, clips: int, broken: int = 0, frames: int = 3) -> Path:
-    """So many clips, and the list of them, whose path this returns."""
+    """Makes this many clips and a list of them; returns the path of the list."""
     for index in range(clips):
         write_clip(folder / "keypoints" / f"c{index:03}", body, frames=frames, seed=index)
     for index, how in broken_places(clips, broken).items():

@@ -138,15 +138,17 @@ def mirrored_as_told(stages: Stages, state: State, frames: Int[Tensor, "n"]) -> 
     flips, columns, vector = LimbFlips(stages), stages.parametrisation.columns, state.vector.clone()
     for limb in LIMBS.values():
         ends = [kp.INDEX[name] for name in limb.joints[1:]]
-        told = frames[stages.observations.depth_by_hand[frames][:, ends].any(1)]
-        if not len(told):
+        by_hand = frames[stages.observations.depth_by_hand[frames][:, ends].any(1)]
+        if not len(by_hand):
             continue
-        here = State(state.orient, vector)[told]
+        here = State(state.orient, vector)[by_hand]
         poses = [flips.flipped(here, limb, upper=upper, lower=lower) for upper, lower in FLIPS]
-        encoded = stages.parametrisation.prior.encode(torch.cat(poses), rough=True).split(len(told))
+        encoded = stages.parametrisation.prior.encode(torch.cat(poses), rough=True).split(len(by_hand))
         tried = [here, *(here.with_columns(columns.body, own) for own in encoded)]
-        best = torch.stack([objective.cost(one, told) for one in tried]).argmin(0)
-        vector[told] = torch.stack([one.vector for one in tried])[best, torch.arange(len(told), device=best.device)]
+        best = torch.stack([objective.cost(one, by_hand) for one in tried]).argmin(0)
+        vector[by_hand] = torch.stack([one.vector for one in tried])[
+            best, torch.arange(len(by_hand), device=best.device)
+        ]
     return State(state.orient, vector)
 
 

@@ -49,9 +49,9 @@ def test_the_fit_is_even_in_the_world(free_body: BodyModel):
     assert fit.camera.path == moving.path
 
     again = drained(rerun_events(told, free_body, QUICK, fit.last.params, range(1, 3))).params
-    anew = moving.to_still(joints_in_space(free_body, again))
-    assert abs(anew - found).max() < 0.05
-    np.testing.assert_array_equal(anew[[0, 3]], found[[0, 3]])
+    refitted = moving.to_still(joints_in_space(free_body, again))
+    assert abs(refitted - found).max() < 0.05
+    np.testing.assert_array_equal(refitted[[0, 3]], found[[0, 3]])
 
 
 def test_a_part_of_a_clip_has_its_part_of_the_path(free_body: BodyModel):

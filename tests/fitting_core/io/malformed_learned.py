@@ -241,7 +241,7 @@ LEARNED |= {
     "phalp whose tracks are names": of_phalp(
         "'tid' holds something other than numbers of people", tid=["a"], tracked_time=[0]
     ),
-    "phalp with nobody": of_phalp("without a person", tid=[], tracked_time=[]),
+    "phalp without a person": of_phalp("without a person", tid=[], tracked_time=[]),
     "phalp without times": of_phalp("'time' has|'time' holds", time=None),
     "phalp with a person twice": case(
         "demo_walk.pkl",
@@ -256,7 +256,7 @@ LEARNED |= {
     "prompthmr without a fit": of_prompthmr(
         "what holds 'pose' is a NoneType", people={1: {"frames": FRAMES, "bboxes": np.zeros((5, 4))}}
     ),
-    "prompthmr with nobody": of_prompthmr("is a result of PromptHMR without a person", people={}),
+    "prompthmr without a person": of_prompthmr("is a result of PromptHMR without a person", people={}),
     "prompthmr without a camera": of_prompthmr(r"has no 'img_focal' \(it has nothing\)", camera={}),
     "prompthmr whose people are a list": of_prompthmr("'people' is a list, expected a dictionary", people=[1]),
 }
