@@ -126,3 +126,9 @@ def time_left(seconds: float | None) -> str:
         return f"about {round(seconds, -1):.0f} s left"
     minutes = round(seconds / 60)
     return f"about {minutes} min left" if minutes < 90 else f"about {minutes / 60:.1f} h left"
+
+
+def duration(seconds: float) -> str:
+    """A time in words: "8 s", "2 min 5 s"."""
+    whole = round(seconds)
+    return f"{whole} s" if whole < 60 else f"{whole // 60} min {whole % 60} s"

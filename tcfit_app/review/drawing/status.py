@@ -159,9 +159,3 @@ def task_chip(task: Task[Any]) -> Chip:
     """The progress of a task, in one line."""
     progress = None if task.share is None else round(task.share, 2)
     return Chip(text=f"{task.title}: {task.words}", kind="busy", progress=progress)
-
-
-def duration(seconds: float) -> str:
-    """A time in words: "8 s", "2 min 5 s"."""
-    whole = round(seconds)
-    return f"{whole} s" if whole < 60 else f"{whole // 60} min {whole % 60} s"

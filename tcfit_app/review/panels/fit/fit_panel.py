@@ -6,12 +6,11 @@ from typing import ClassVar
 
 import viser
 
-from tcfit_app.fitting.fit_progress import time_left
+from tcfit_app.fitting.fit_progress import duration, time_left
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.reports import RunningJob
 from tcfit_app.project.frame_words import numbers
 from tcfit_app.project.storage.run_record import Given
-from tcfit_app.review.drawing.status import duration
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.html import (
     Board,

@@ -7,11 +7,11 @@ from datetime import datetime
 from fitting_core.config.settings import value_of
 from fitting_core.errors import InputError
 from fitting_core.results.fit_result import FitResult
+from tcfit_app.fitting.fit_progress import duration
 from tcfit_app.fitting.fits import own_phases
 from tcfit_app.fitting.reports import RunningJob
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.run_record import Run, RunState
-from tcfit_app.review.drawing.status import duration
 from tcfit_app.review.panels.elements.html import Html, joined, line, opener, paragraph, tag, text, words
 from tcfit_app.review.panels.fit.fit_settings import CHOICE_WORDS, differences, nearest_preset
 from tcfit_app.review.panels.fit.fit_settings import words as setting_words
