@@ -36,19 +36,20 @@ KEYPOINT_OF_JOINT: tuple[int | None, ...] = tuple(kp.INDEX.get(_KEYPOINT_NAMES.g
 """For each SMPL-X joint the keypoint at it, or nearest to it on the same part; None for spine1 and spine2."""
 
 
-def spoken(joint: int) -> str:
-    """A keypoint in words: "left wrist", "left hand's wrist", "right index 2", "outer lip"."""
-    name = kp.NAMES[joint].removeprefix("face_")
+def full_name(joint: int) -> str:
+    """A keypoint's unique name in words: "left wrist", "left hand's wrist", "right thumb tip", "face outer lip 3"."""
+    name = kp.NAMES[joint]
     if joint in (kp.LEFT_HAND.start, kp.RIGHT_HAND.start):
         return f"{name.partition('_')[0]} hand's wrist"
-    pattern = r"\d+$" if joint >= kp.FACE.start else r"(?<=\D)(?=\d)"
-    return re.sub(pattern, "" if joint >= kp.FACE.start else " ", name).replace("_", " ")
+    if joint < kp.FACE.start:
+        name = name.replace("4", "_tip")  # of a finger
+    return re.sub(r"(?<=\D)(?=\d)", " ", name).replace("_", " ")
 
 
-def full_name(joint: int) -> str:
-    """A unique name in words: like `spoken`, with the number of a face point."""
-    name = kp.NAMES[joint]
-    return spoken(joint) if joint < kp.FACE.start else re.sub(r"(?<=\D)(?=\d)", " ", name).replace("_", " ")
+def spoken(joint: int) -> str:
+    """The same in a sentence, where a point of the face has no number: "outer lip"."""
+    name = full_name(joint)
+    return name if joint < kp.FACE.start else name.removeprefix("face ").rstrip(" 0123456789")
 
 
 def spoken_bone(joint: int) -> str:

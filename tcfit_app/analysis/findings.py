@@ -47,6 +47,7 @@ _JUMP = 70.0
 """m/s^2: the least acceleration worth reviewing: 82 % of the tuning half's entries are right, from 40 on half."""
 _LEAST_JUMP_MM = 12.0
 """mm/frame^2: the same at high frame rates, where the joints' noise is as large as their acceleration."""
+_AROUND_IT = "from the frames around it"
 WHOLE = "whole body"
 """What a finding without keypoints, or about many limbs, is about."""
 _MANY_LIMBS = 4
@@ -92,9 +93,11 @@ class Finding:
     score: float
     """From 1."""
     reason: str
-    """A few words for users."""
+    """A sentence for users: what is seen, in which unit, compared with what."""
     joints: tuple[int, ...]
     """Keypoints concerned, worst first."""
+    lasting: range | None = None
+    """The frames of what lasts, which all have this finding."""
 
     @property
     def about(self) -> frozenset[str]:
@@ -140,13 +143,13 @@ def _off(frame: int, joints: list[int], found: np.ndarray, errors: np.ndarray) -
     region = REGION_OF[worst]
     same = [joint for joint in joints if REGION_OF[joint] == region]
     whole = worst >= kp.HANDS.start and len(same) > 2
-    subject = f"{region} is up to" if whole else f"{spoken(worst)} is"
-    largest = errors[same].max() if whole else errors[worst]
-    others = len(joints) - (len(same) if whole else 1)
-    more = f" ({others} more)" if others else ""
-    return Finding(
-        frame=frame, score=float(found[worst]), reason=f"{subject} {largest:.0f} px off{more}", joints=tuple(joints)
-    )
+    subject, others = (region, len(joints) - len(same)) if whole else (spoken(worst), len(joints) - 1)
+    largest = errors[joints if others else same if whole else worst].max()
+    if others:
+        reason = f"{subject} and {others} more are up to {largest:.0f} px from their keypoints"
+    else:
+        reason = f"{subject} is {'up to ' if whole else ''}{largest:.0f} px from its keypoint{'s' if whole else ''}"
+    return Finding(frame=frame, score=float(found[worst]), reason=reason, joints=tuple(joints))
 
 
 def _steady(fit: PosedFit) -> Iterator[Finding]:
@@ -164,13 +167,13 @@ def _steady(fit: PosedFit) -> Iterator[Finding]:
             if len(run) < frames // 2 or not chosen:
                 continue
             joints = [joint for i in chosen for joint in own[i]]
-            subject = f"both {name}s" if len(chosen) > 1 else f"{[*sides][chosen[0]]} {name}".strip()
+            subject = f"both {name}s stay" if len(chosen) > 1 else f"{[*sides][chosen[0]]} {name} stays".strip()
+            its = "their keypoints" if len(chosen) > 1 else "its keypoints" if len(joints) > 1 else "its keypoint"
             pixels = np.nanmedian(np.linalg.norm(offsets[run.start : run.stop, joints], axis=-1))
-            first = fit.clip.first_frame
-            reason = f"{subject} about {pixels:.0f} px off, frames {first + run[0]}-{first + run[-1]}"
+            reason = f"{subject} about {pixels:.0f} px from {its}"
             for frame in run:
                 score = max(1.0, float(means[frame, chosen].max() / least[frame]))
-                yield Finding(frame=frame, score=score, reason=reason, joints=tuple(joints))
+                yield Finding(frame=frame, score=score, reason=reason, joints=tuple(joints), lasting=run)
 
 
 def _running_mean(
@@ -196,7 +199,7 @@ def _detection_jumps(fit: PosedFit) -> Iterator[Finding]:
     found = scores(jumps, _DETECTION_JUMP_MM * _pixels_per_mm(fit))
     for frame, joints in _above(found):
         for part in _by_limb(joints):
-            reason = f"{spoken(part[0])} detection jumps {jumps[frame, part[0]]:.0f} px"
+            reason = f"detected {spoken(part[0])} jumps {jumps[frame, part[0]]:.0f} px {_AROUND_IT}"
             yield Finding(frame=frame, score=float(found[frame, part[0]]), reason=reason, joints=tuple(part))
 
 
@@ -208,7 +211,8 @@ def _jumps(fit: PosedFit) -> Iterator[Finding]:
         for part in [bones] if whole else _by_limb(bones, LIMB_OF_BONE):
             worst = part[0]
             concerned = dict.fromkeys(joint for bone in part if (joint := KEYPOINT_OF_JOINT[bone]) is not None)
-            reason = f"{_jumping(worst, whole=whole)} {fit.jumps[frame, worst]:.0f} mm/frame²"
+            way = fit.jumps[frame, worst] / 2  # to the middle of its places before and after
+            reason = f"{_jumping(worst, whole=whole)} {way:.0f} mm {_AROUND_IT}"
             yield Finding(frame=frame, score=float(found[frame, worst]), reason=reason, joints=tuple(concerned))
 
 
@@ -233,7 +237,8 @@ def _low_confidence(fit: PosedFit) -> Iterator[Finding]:
         low = (usual > _USUAL) & (confidence < np.minimum(_LOW * usual, most)) & ~fit.bad[:, tracked].any(1)
         for frame in np.flatnonzero(low).tolist():
             value = confidence[frame]
-            reason = f"{region} confidence {value:.2f}" if value > 0 else f"{region} not detected"
+            seen = f"detected with confidence {value:.2f}, usually {usual[frame]:.2f}" if value > 0 else "not detected"
+            reason = f"{region} is {seen}"
             score = (1 - value / usual[frame]) / (1 - _LOW)
             by_frame.setdefault(frame, []).append((float(score), reason, tracked))
     for frame, parts in by_frame.items():
@@ -248,9 +253,9 @@ def _low_confidence(fit: PosedFit) -> Iterator[Finding]:
 def _lost(frame: int, parts: list[tuple[float, str, list[int]]], *, nobody: bool) -> Finding:
     """Parts with their scores, reasons and keypoints, worst first."""
     score, reason, _ = parts[0]
-    more = f" ({len(parts) - 1} more)" if len(parts) > 1 else ""
+    more = f"; {len(parts) - 1} more {'parts are' if len(parts) > 2 else 'part is'} lost" if len(parts) > 1 else ""
     joints = tuple(joint for _, _, tracked in parts for joint in tracked)
-    return Finding(frame=frame, score=score, reason="nobody detected" if nobody else reason + more, joints=joints)
+    return Finding(frame=frame, score=score, reason="nobody is detected" if nobody else reason + more, joints=joints)
 
 
 def _swaps(fit: PosedFit) -> Iterator[Finding]:
@@ -260,9 +265,12 @@ def _swaps(fit: PosedFit) -> Iterator[Finding]:
         put_right = {*fit.swapped_back.get(name, none).tolist()}
         joints = (*left, *right, *others[0], *others[1])
         for frame in sorted(by_detector | put_right):
-            score, reason = _SWAP_SCORE, f"{name} may be swapped"
+            score, reason = _SWAP_SCORE, f"left and right of the {name} may be swapped"
             if frame in put_right:
-                score, reason = _SWAPPED_BACK_SCORE, f"{name} were swapped, but corrected in the fit"
+                score, reason = (
+                    _SWAPPED_BACK_SCORE,
+                    f"left and right of the {name} were swapped, which the fit has corrected",
+                )
             yield Finding(frame=frame, score=score, reason=reason, joints=joints)
 
 
@@ -296,9 +304,11 @@ def _depths(fit: PosedFit) -> Iterator[Finding]:
         worst = columns[0]
         off, most = 100 * farther[frame, worst], 100 * np.hypot(farther, unsure)[frame, worst]
         joint = spoken(_ENDS[worst])
-        where = "farther away" if off < 0 else "closer"
-        apart = f"{joint} may be {abs(off):.0f} cm {where}" if abs(off) > 100 * unsure[frame, worst] else ""
-        reason = apart or f"{joint} depth unsure by {most:.0f} cm"
+        where = "farther away" if off > 0 else "nearer"
+        apart = f"{joint} is {abs(off):.0f} cm {where} than its keypoints suggest"
+        reason = (
+            apart if abs(off) > 100 * unsure[frame, worst] else f"depth of the {joint} is uncertain by {most:.0f} cm"
+        )
         joints = tuple(_ENDS[column] for column in columns)
         yield Finding(frame=frame, score=float(found[frame, worst]), reason=reason, joints=joints)
 
@@ -324,7 +334,7 @@ def _frozen(fit: PosedFit) -> Iterator[Finding]:
             if len(run) < _STILL_FRAMES or not _travel(keypoints, frames, others) * to_mm > _OTHERS_TRAVEL_MM:
                 continue
             joints = tuple(joint for joint in own if still[frames, joint].mean() > 0.5)
-            reason = f"{limb} keypoints frozen for {len(run) + 1} frames"
+            reason = f"keypoints of the {limb} stand still for {len(run) + 1} frames while the body moves"
             for waited, frame in enumerate(frames):  # the longer, the farther off
                 score = min(1 + waited / _STILL_FRAMES, _STILL_MOST)
                 yield Finding(frame=frame, score=score, reason=reason, joints=joints)
@@ -342,7 +352,7 @@ def _travel(keypoints: Keypoints, frames: list[int], joints: list[int]) -> float
 
 def _failed(fit: PosedFit) -> Iterator[Finding]:
     for frame in () if fit.frame_cost is None else np.flatnonzero(~np.isfinite(fit.frame_cost)).tolist():
-        yield Finding(frame=frame, score=_FAILED_SCORE, reason="the fit failed here", joints=())
+        yield Finding(frame=frame, score=_FAILED_SCORE, reason="the fit failed in this frame", joints=())
 
 
 def _above(found: Float[np.ndarray, "T K"]) -> Iterator[tuple[int, list[int]]]:

@@ -12,8 +12,6 @@ _GAP = 2
 """Maximum distance in frames between findings about the same limb that are one entry."""
 _CAUSES = ("failed", "swap")
 """Kinds that explain others: swapped arms are far off and jump too."""
-_LASTING = "steady"
-"""The finding of a while."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +27,7 @@ class Suspect:
     kind: str
     """One of FINDINGS."""
     reason: str
-    """A few words about the worst frame: "left wrist is 42 px off"."""
+    """A sentence about the worst frame: "left wrist is 42 px from its keypoint"."""
     joints: tuple[int, ...]
     """Keypoints concerned, worst first; empty if it is the pose as a whole."""
     about: tuple[str, ...]
@@ -70,9 +68,9 @@ class _Topic:
         return max(finding.score for _, finding in self.found)
 
     @property
-    def lasting(self) -> frozenset[str]:
-        """What is off for a while, of which each frame has the same finding."""
-        return frozenset(finding.reason for kind, finding in self.found if kind == _LASTING)
+    def lasting(self) -> frozenset[tuple[range, str]]:
+        """What lasts, of which each frame has the same finding."""
+        return frozenset((one.lasting, one.reason) for _, one in self.found if one.lasting is not None)
 
 
 def findings(fit: PosedFit) -> tuple[Found, ...]:
@@ -160,11 +158,11 @@ def _spans(topics: Iterable[_Topic]) -> list[list[_Topic]]:
     """Group topics of neighbouring frames whose limbs are equal or a subset. Topics with one lasting finding form one
     group, also if some frames have further findings."""
     spans: list[list[_Topic]] = []
-    lasting: dict[str, list[_Topic]] = {}
+    lasting: dict[tuple[range, str], list[_Topic]] = {}
     for topic in topics:
         near = (span for span in reversed(spans) if 0 < topic.frame - span[-1].frame <= _GAP)
         alike = (span for span in near if topic.about <= span[-1].about or topic.about >= span[-1].about)
-        span = next((lasting[reason] for reason in topic.lasting if reason in lasting), None) or next(alike, None)
+        span = next((lasting[each] for each in topic.lasting if each in lasting), None) or next(alike, None)
         if span is None:
             spans.append(span := [])
         span.append(topic)

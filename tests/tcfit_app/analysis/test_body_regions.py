@@ -24,6 +24,7 @@ def test_hands_belong_to_arms():
         (kp.INDEX["left_wrist"], "left wrist"),
         (kp.LEFT_HAND.start, "left hand's wrist"),
         (kp.RIGHT_HAND.start + 6, "right index 2"),
+        (kp.RIGHT_HAND.start + 4, "right thumb tip"),
         (kp.FACE.start + 3, "contour"),
         (kp.INDEX["face_outer_lip3"], "outer lip"),
         (kp.COUNT - 1, "left pupil"),

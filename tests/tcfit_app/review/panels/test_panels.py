@@ -129,7 +129,7 @@ def test_keypoints_under_the_pointer_are_left_alone_by_keys(tested: LonePage):
 
 def test_a_keypoint_has_one_name_wherever_it_is_read(tested: LonePage):
     joints = tuple(INDEX[name] for name in ("left_wrist", "left_index4", "face_outer_lip3"))
-    names = ("left wrist", "left index 4", "face outer lip 3")
+    names = ("left wrist", "left index tip", "face outer lip 3")
     page = tested.page
     page.tab.set(selection=joints)
     page.gestures.correcting.toggle_bad()
