@@ -262,10 +262,6 @@ ROWS = states.Rows(
             ),
         ),
     ),
-    fits=(
-        states.FitName(label="A", title="run A", color="#5aa0ff"),
-        states.FitName(label="B", title="run B", color="#ff963c"),
-    ),
 )
 
 

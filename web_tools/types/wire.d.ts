@@ -134,15 +134,8 @@ export interface Row {
   empty: string;
 }
 
-export interface FitName {
-  label: string;
-  title: string;
-  color: string;
-}
-
 export interface Rows {
   rows: Row[];
-  fits: FitName[];
 }
 
 export interface Choice {

@@ -226,7 +226,7 @@ class Curve(_State, frozen=True, kw_only=True):
     """One line in a row of the timeline."""
 
     label: str
-    """Its fit: "A", "B", or empty if the row's title says everything."""
+    """Its fit among two: "A" or "B"; empty if the row's title says everything."""
     color: Color
     values: tuple[float | None, ...]
     """One per frame."""
@@ -261,20 +261,10 @@ class Row(_State, frozen=True, kw_only=True):
     """Text shown while there are no curves."""
 
 
-class FitName(_State, frozen=True, kw_only=True):
-    """A fit with curves in the timeline."""
-
-    label: str
-    """As in its curves."""
-    title: str
-    color: Color
-
-
 class Rows(_State, frozen=True, kw_only=True):
     """The rows of the timeline, from top to bottom."""
 
     rows: tuple[Row, ...] = ()
-    fits: tuple[FitName, ...] = ()
 
 
 class Choice(_State, frozen=True, kw_only=True):

@@ -92,9 +92,9 @@ class Rows:
     def draw(self) -> None:
         """Send them if they have changed."""
         tab = self._tab
-        found, fits = tuple(map(self._find, tab.state.plots)), self._fits()
-        rows = tab.once("rows", (found, fits), lambda: tuple(map(self._row, found)))
-        tab.channel.send("rows", states.Rows(rows=rows, fits=fits))
+        found = tuple(map(self._find, tab.state.plots))
+        rows = tab.once("rows", (found, self._sides), lambda: tuple(map(self._row, found)))
+        tab.channel.send("rows", states.Rows(rows=rows))
 
     @property
     def _same(self) -> bool:
@@ -108,14 +108,7 @@ class Rows:
         return ("b",) if self._same else tuple(side for side in SLOTS if self._tab.shown.fit(side) is not None)
 
     def _label(self, side: Slot) -> str:
-        return "A and B" if self._same else side.upper()
-
-    def _fits(self) -> tuple[states.FitName, ...]:
-        return tuple(
-            states.FitName(label=self._label(side), title=fit.title, color=_color(side))
-            for side in self._sides
-            if (fit := self._tab.shown.fit(side)) is not None
-        )
+        return side.upper() if len(self._sides) > 1 else ""
 
     def _find(self, name: str) -> _Found:
         return _WAYS[PLOTS[name].how](self, name)

@@ -111,7 +111,7 @@ def test_menus_and_the_window_of_keys(review: Reviewing):
     review.press("h", lambda: review.tab.locator(".tcfit-keys").count())
     assert faults(review) == []
     review.press("Escape", lambda: not review.tab.locator(".tcfit-keys").count())
-    review.tab.get_by_role("button", name="Curves").first.click()
+    review.tab.get_by_title("Choose the curves").click()
     until(lambda: review.tab.get_by_role("menu").count(), "the menu")
     assert faults(review) == []
     review.press("Escape", lambda: not review.tab.get_by_role("menu").count())

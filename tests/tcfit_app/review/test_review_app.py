@@ -130,7 +130,7 @@ def test_two_fits_side_by_side(review: Reviewing):
 def test_the_timeline_plots_what_is_chosen_in_it(review: Reviewing):
     tab = review.page.tab
     usual = tab.state.plots
-    review.tab.get_by_role("button", name="Curves ▾").click()
+    review.tab.get_by_title("Choose the curves").click()
     for title in ("A to B distance (mm)", "Hand phases, B"):
         review.tab.get_by_role("menuitemcheckbox", name=title).click()
     review.tab.keyboard.press("Escape")

@@ -16,6 +16,7 @@ import { posterMaps, toScreen } from "./picture/projection.js";
 import "./timeline/drawing.js";
 import "./timeline/gestures.js";
 import "./timeline/menus.js";
+import "./timeline/titles.js";
 import "./viser/arrival.js";
 import { canvas } from "./viser/bridge.js";
 import { dress, setColorTable } from "./viser/meshes.js";

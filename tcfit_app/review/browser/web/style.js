@@ -100,22 +100,15 @@ export const STYLE_SHEET = `
 .tcfit-strip-border:hover, .tcfit-strip-border:active { background: linear-gradient(transparent 3px,
   ${COLORS.accent} 3px 5px, transparent 5px); }
 .tcfit-strip-head { position: absolute; left: 0; right: 0; top: 0; display: flex; align-items: center;
-  gap: 4px; padding: 2px 6px 0; }
-.tcfit-strip-head > button:first-child { border-color: var(--tcfit-edge); background: var(--tcfit-sunk); }
-.tcfit-strip-fits { flex: 1 1 0; min-width: 0; display: flex; gap: 18px; padding: 0 12px; overflow: hidden;
-  white-space: nowrap; color: var(--tcfit-text); }
-.tcfit-strip-fits > span { display: flex; align-items: center; min-width: 0; }
-.tcfit-strip-fits i { flex: none; width: 12px; height: 3px; margin-right: 6px; border-radius: 1px; }
-.tcfit-strip-fits b { flex: none; margin-right: 6px; font-weight: 600; }
-.tcfit-strip-fits span > span { overflow: hidden; text-overflow: ellipsis; }
-.tcfit-strip-fits em { flex: none; white-space: pre; font-style: normal; }
+  gap: 4px; padding: 2px 6px 0; justify-content: flex-end; }
 .tcfit-strip-frames { flex: none; display: flex; align-items: center; gap: 2px; color: var(--tcfit-strong); }
 .tcfit-strip-title { position: absolute; left: 0; display: flex; align-items: flex-start; gap: 2px;
   padding: 3px 0 0 8px; overflow: hidden; line-height: 14px; pointer-events: none; }
 .tcfit-strip-title > span { flex: 1 1 auto; min-width: 0; max-height: 100%; overflow: hidden; overflow-wrap: anywhere; }
-.tcfit-strip-title > button { min-width: 16px; width: 16px; height: 15px; padding: 0; color: var(--tcfit-dim);
-  pointer-events: auto; }
 .tcfit-strip-title > * { pointer-events: auto; }
+.tcfit-strip-title > button { min-width: 16px; height: 15px; padding: 0; color: var(--tcfit-dim); }
+.tcfit-strip-title > [aria-haspopup] { flex: 1 1 auto; min-width: 0; height: auto; max-height: 100%; margin-left: -4px; padding: 0 4px; overflow: hidden;
+  color: inherit; font: inherit; line-height: 14px; text-align: left; overflow-wrap: anywhere; }
 .tcfit-menu { position: fixed; z-index: 1000; display: flex; flex-direction: column; min-width: 180px; padding: 4px;
   max-height: calc(100vh - 8px); overflow-y: auto; border-radius: 7px; background: var(--tcfit-menu); border: 1px solid var(--tcfit-edge);
   box-shadow: 0 8px 28px rgba(0, 0, 0, 0.5); font: 13px/1.4 ${FONT}; user-select: none; -webkit-user-select: none; }

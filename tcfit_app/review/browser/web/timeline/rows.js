@@ -19,7 +19,7 @@ const STRENGTHS = [0.15, 0.4, 0.85]; // opacities, which differ without colour v
 /** @param {Context} context */
 export function drawRows(context) {
   if (states.rows && !states.rows.rows.length)
-    write(context, "Choose what to plot with the button Curves.", GUTTER + 12, fitBand.bottom + 22, tones.dim);
+    write(context, "No curves are chosen.", GUTTER + 12, fitBand.bottom + 22, tones.dim);
   (states.rows?.rows ?? []).forEach((row, index) => drawRow(context, row, rowBand(index)));
 }
 

@@ -1,0 +1,79 @@
+// The rows' titles, of which the first is the button that opens the menu of curves, and the strip's height.
+
+/** @import { MenuItem } from "../menu.js" */
+
+import { emit, invalidate, known, states, watch } from "../connection.js";
+import { element, setStripHeight, strip } from "../elements.js";
+import { openMenuAt } from "../menu.js";
+import { GUTTER, clipLength } from "./axis.js";
+import { rowBand, stripHeight } from "./layout.js";
+
+const NUMBERS = 46; // CSS pixels beside a title for the numbers of the axis
+
+const titles = element("div", "", strip);
+const chooser = element("button", "");
+chooser.type = "button";
+chooser.title = "Choose the curves";
+chooser.setAttribute("aria-haspopup", "menu");
+chooser.addEventListener("click", () => openMenuAt("Curves", choices(), chooser));
+
+const rows = () => states.rows?.rows ?? [];
+
+/** @param {string} name @param {boolean} shown */
+const plot = (name, shown) => emit({ type: "plot", name, shown });
+
+/** @returns {(MenuItem | null)[]} */
+function choices() {
+  const shown = new Set(rows().map(({ name }) => name));
+  return known("timeline").choices.flatMap(({ name, title, group }, i, all) => {
+    const item = {
+      label: title,
+      checked: shown.has(name),
+      run: () => plot(name, !rows().some((row) => row.name === name)),
+    };
+    return i > 0 && all[i - 1].group !== group ? [null, item] : [item];
+  });
+}
+
+let drawn = "";
+
+/** Draws them again only if they change: one of their buttons may have the focus. */
+function drawTitles() {
+  const wanted = JSON.stringify(rows().map(({ name, title, unit }) => [name, title, unit]));
+  if (drawn === wanted) return;
+  drawn = wanted;
+  titles.replaceChildren();
+  if (!rows().length) element("div", "tcfit-strip-title", titles).append(chooser);
+  rows().forEach(({ name, title, unit }, index) => {
+    const box = element("div", "tcfit-strip-title", titles);
+    const text = unit ? `${title} (${unit})` : title;
+    if (index) element("span", "", box, text).title = title;
+    else box.append(chooser);
+    const close = element("button", "", box, "×");
+    close.type = "button";
+    close.title = close.ariaLabel = `Close ${title}`;
+    close.addEventListener("click", () => plot(name, false));
+    if (!index) chooser.textContent = `${text} ▾`;
+  });
+  if (!rows().length) chooser.textContent = "Curves ▾";
+}
+
+/** Gives the strip its height, and the titles their places beside their rows. */
+function layOut() {
+  setStripHeight(clipLength() || states.strip ? stripHeight() : 0, clipLength() > 0);
+  [...titles.children].forEach((box, index) => {
+    const { top, bottom } = rowBand(index);
+    const place = { top: `${top}px`, height: `${bottom - top}px`, width: `${GUTTER - NUMBERS}px` };
+    if (box instanceof HTMLElement) Object.assign(box.style, place);
+  });
+  invalidate("timeline");
+}
+
+window.addEventListener("resize", () => states.timeline && layOut());
+
+watch("timeline", layOut);
+watch("strip", layOut);
+watch("rows", () => {
+  drawTitles();
+  layOut();
+});
