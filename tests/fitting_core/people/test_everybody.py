@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,50 @@ def test_an_exchange_that_nobody_could_see_is_named(figure: Figure):
         both = [figure(500 - far, 300), figure(500 + far, 300)]
         frames.append([] if 36 <= t <= 44 else both)
     assert all({40} <= named for named in uncertain(found(frames)))
+
+
+WAYS: dict[str, Callable[[np.ndarray], list[np.ndarray]]] = {
+    "crossing": lambda t: [150 + 5 * t, 1100 - 5 * t],
+    "behind": lambda t: [620 + 0 * t, 150 + 5 * t],
+    "meeting": lambda t: [600 - 6 * abs(t - 95).clip(8), 610 + 6 * abs(t - 95).clip(8)],
+    "overtaking": lambda t: [100 + 6 * t, 350 + 3 * t],
+    "three": lambda t: [100 + 5 * t, 1000 - 4 * t, 250 + 3 * t],
+}
+"""Pixels from the left of each person, the nearest first, in frame t."""
+
+
+@pytest.mark.parametrize(
+    ("scene", "seed", "exchanged"),
+    [
+        ("crossing", 0, False),
+        ("overtaking", 0, False),
+        ("behind", 0, True),
+        ("meeting", 3, True),
+        ("three", 1, True),
+        ("three", 7, True),
+    ],
+)
+def test_every_exchange_is_named(figure: Figure, scene: str, seed: int, exchanged: bool):
+    """Who is behind somebody of nearly the same size is not found most of the time."""
+    rng, frames, owners = np.random.default_rng(seed), [], []
+    ways = [x + rng.normal(0, 20) for x in WAYS[scene](np.arange(200.0))]
+    heights, lost = 200 + rng.normal(0, 6, len(ways)), rng.random((len(ways), 20)) < 0.7
+    for t in range(0, 200, 2):
+        hidden = [any(abs(x[t] - way[t]) < 45 for x in ways[:k]) and lost[k, t // 10] for k, way in enumerate(ways)]
+        order = [k for k in rng.permutation(len(ways)).tolist() if 0 < ways[k][t] < 1280 and not hidden[k]]
+        noise = rng.normal(0, 4, (len(ways), 2))
+        frames.append([figure(ways[k][t] + noise[k, 0], 300 + noise[k, 1], height=heights[k]) for k in order])
+        owners.append(order)
+    people = found(frames, RATE / 2).people
+    whose = [[(t, owners[t][k]) for t, k in enumerate(one.entries) if k is not None] for one in people]
+    exchanges = 0
+    for one, known in zip(people, whose, strict=True):
+        for (before, was), (after, now) in pairwise(known):
+            exchanges += was != now
+            assert was == now or any(span.start <= after and before < span.stop for span in one.uncertain)
+    assert (exchanges > 0) == exchanged
+    named = sum(len(span) for one in people for span in one.uncertain)
+    assert named < 0.3 * sum(map(len, whose)), "who is near nobody is not named"
 
 
 def test_one_of_two_who_leaves_and_comes_back_is_the_same_and_it_is_said(figure: Figure):
