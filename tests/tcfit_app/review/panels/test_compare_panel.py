@@ -1,0 +1,74 @@
+"""The panel Compare."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting_core import keypoints as kp
+from tcfit_app.analysis.run_metrics import Metric
+from tcfit_app.fitting.fits import FitChoice, Shown
+from tcfit_app.review.panels.compare_panel import ComparePanel
+from tcfit_app.review.panels.runs.runs_panel import RunsPanel
+from tests.drivers.lone_page import LonePage
+from tests.samples.sessions import FRAMES
+from tests.tcfit_app.review.panels.conftest import Opener
+
+
+def test_two_fits_are_compared(panel_of: Opener):
+    tested = panel_of(ComparePanel)
+    assert "Make one in the panel Fit first" in tested.html()
+    tested.fit()
+    assert "Measuring" in tested.html()
+    tested.until(lambda: "Jitter" in tested.html() and "B − A" in tested.html())
+
+
+def test_a_re_run_stands_beside_what_it_came_from(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    first = tested.fit()
+    tab, session = tested.page.tab, tested.page.tab.session
+    assert tested.button("Compare with its parent").disabled
+    tab.set(frames=range(2, 5))
+    tested.page.gestures.fitting.frames()
+    rerun = session.fits.runs[-1]
+    assert (tab.state.a.run, tab.state.b.run) == (first.id, rerun.id)
+    tested.until(lambda: not session.jobs)
+    a, b = tab.look().a, tab.look().b
+    assert a is not None and b is not None and (a.run.id, b.run.id) == (first.id, rerun.id)
+    seconds = {metric.name: metric.value for metric in _metrics(tested, b)}["seconds"]
+    assert b.result is not None and seconds == pytest.approx(b.result.seconds), "its own, not its parent's"
+    tab.set(a=FitChoice(), b=FitChoice())
+    tested.draw()
+    tested.click("Compare with its parent")
+    assert (tab.state.mode, tab.state.a.run, tab.state.b.run) == ("ab", first.id, rerun.id)
+
+
+def _metrics(tested: LonePage, shown: Shown) -> tuple[Metric, ...]:
+    found: list[tuple[Metric, ...] | None] = []
+    tested.until(lambda: found.append(tested.page.tab.data.metrics(shown)) or found[-1] is not None)
+    assert found[-1] is not None
+    return found[-1]
+
+
+def test_fits_are_compared_with_a_reference(panel_of: Opener, tmp_path: Path):
+    tested = panel_of(ComparePanel)
+    points = np.random.default_rng(0).normal(0, 0.2, (FRAMES, len(kp.LIMBS), 3))
+    np.savez(tmp_path / "reference.npz", points=points, names=np.array(kp.NAMES)[kp.LIMBS])
+    tested.draw()
+    assert "only be compared with each other" in tested.html()
+    tested.click("Compare with this")
+    assert tested.notices[-1].kind == "error" and "Type where" in tested.notices[-1].text
+    tested.enter("File", str(tmp_path / "reference.npz"))
+    tested.enter("Begins at frame", "-2")
+    tested.click("Compare with this")
+    assert "expected a whole number" in tested.notices[-1].text
+    first = tested.page.tab.session.project.clip.first_frame
+    tested.enter("Begins at frame", str(first + 2))
+    tested.click("Compare with this")
+    tested.until(lambda: "in its own world" in tested.html())
+    tested.fit()
+    tested.until(lambda: f"PA-MPJPE, {FRAMES - 2} of {FRAMES} frames" in tested.html())
+    assert tested.page.tab.session.project.reference is not None
+    tested.click("Remove the reference")
+    tested.until(lambda: "PA-MPJPE" not in tested.html())
+    assert tested.page.tab.session.project.reference is None

@@ -1,0 +1,261 @@
+"""The panel Export."""
+
+import io
+import json
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from zipfile import ZipFile
+
+import numpy as np
+import pytest
+
+from fitting_core.camera import World
+from fitting_core.errors import InputError
+from fitting_core.io import read_detections
+from fitting_core.motion import OWN_WORLD, Progress
+from tcfit_app.exports.source import ExportSource
+from tcfit_app.exports.table import EXPORTS, Export
+from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.project.edits.kinds import MoveKeypoint
+from tcfit_app.project.packed import unpack
+from tcfit_app.project.project import Project
+from tcfit_app.review.browser.page_events import Press
+from tcfit_app.review.panels.export_panel import ExportPanel
+from tcfit_app.review.panels.view_panel import run_names
+from tests.drivers.lone_page import LonePage
+from tests.samples.sessions import FRAMES
+from tests.tcfit_app.review.panels.conftest import Opener
+
+_MADE = (
+    "glb",
+    "npz",
+    "bvh",
+    "trc",
+    "trc-markers",
+    "c3d",
+    "contacts",
+    "joints",
+    "smplifyx",
+    "fit",
+    "mixamo",
+    "unreal",
+    "vrm",
+    "vrma",
+    "angles",
+    "mot",
+    "obj",
+    "openpose",
+    "coco",
+    "pose",
+    "figures",
+    "summary",
+)
+"""Exports that need neither OpenGL nor a video."""
+
+
+def downloaded(tested: LonePage, name: str) -> bytes:
+    """What the browser gets of an export."""
+    tested.press("export.begin", name)
+    running = tested.panels[0].running
+    tested.settle()
+    assert running.state == "finished", running.reason
+    assert "downloaded" in tested.html()
+    return tested.downloads[running.title]
+
+
+def test_files_are_downloaded(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    assert tested.button("Summary").disabled and not tested.button("OpenPose").disabled
+    tested.page.receive(Press("export.begin", "summary"))
+    assert tested.panels[0].running is None, "a button that is off does nothing"
+    with pytest.raises(InputError, match="no fit to export"):
+        tested.panels[0]._begin(EXPORTS["summary"])
+    tested.fit()
+    got = {name: downloaded(tested, name) for name in _MADE if not EXPORTS[name].missing()}
+    with np.load(io.BytesIO(got["fit"]), allow_pickle=False) as fit:
+        assert fit["poses"].shape == (FRAMES, 165) and bool(fit["complete"])
+    assert json.loads(got["summary"])["frames"] == FRAMES
+    rows = got["figures"].decode().splitlines()
+    assert len(rows) == FRAMES + 1 and rows[0].startswith("frame,time_ms,A Reprojection")
+    assert rows[1].startswith("0,0,") and rows[2].startswith("1,40,")
+    assert got["trc"].startswith(b"PathFileType") and got["trc-markers"].startswith(b"PathFileType")
+    assert got["c3d"][1:2] == b"\x50" and got["contacts"].startswith(b"side,first_frame")
+    assert got["angles"].startswith(b"# Joint angles") and b"nRows=" + str(FRAMES).encode() in got["mot"]
+    assert sum(not line.startswith(b"#") for line in got["joints"].splitlines()) == FRAMES + 1
+    assert got["glb"].startswith(b"glTF") and json.loads(got["coco"])["images"]
+    for name, suffix, count in (("bvh", ".bvh", 1), ("obj", ".obj", FRAMES), ("smplifyx", ".pkl", FRAMES)):
+        with ZipFile(io.BytesIO(got[name])) as archive:
+            assert sum(entry.endswith(suffix) for entry in archive.namelist()) == count
+            assert any(entry.endswith(".json") for entry in archive.namelist()), "what the format has no place for"
+    others = {"fbx", "elan", "picture", "sheet", "overlay", "side-by-side", "project", "project-with-video"}
+    assert set(EXPORTS) - set(_MADE) == others
+
+
+def test_run_frames_and_axes_are_chosen(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    tested.fit()
+    tested.draw()
+    assert tested.button("selected").disabled
+    tested.page.tab.set(frames=range(2, 5))
+    tested.click("frames 2–4")
+    tested.click("A: ")
+    tested.click("y up")
+    run = tested.page.tab.session.fits.runs[0]
+    first = tested.page.tab.session.fits.fit(run).phase(1)
+    assert first is not None
+    with np.load(io.BytesIO(downloaded(tested, "npz")), allow_pickle=False) as read:
+        assert read["trans"].shape == (3, 3) and int(read["first_frame"]) == 2
+        assert str(read["axes"]).startswith("y-up")
+        assert np.allclose(read["pose_body"], first.params.body_pose[2:5])
+    tested.page.tab.set(frames=None)
+    tested.draw()
+    with np.load(io.BytesIO(downloaded(tested, "npz")), allow_pickle=False) as read:
+        assert len(read["trans"]) == FRAMES, "the selection is gone, and with it the wish"
+
+
+def test_a_view_of_pictures_is_chosen(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    tested.fit()
+    for label, views in (("side", ("side",)), ("both", ("camera", "side")), ("camera", ("camera",))):
+        tested.press("export.view", {"camera": ""}.get(label, label))
+        assert tested.panels[0]._source(EXPORTS["picture"]).views == views
+
+
+@pytest.mark.parametrize("missing", ["Install Blender first.", ""])
+def test_fbx_waits_for_blender(panel_of: Opener, monkeypatch: pytest.MonkeyPatch, missing: str):
+    monkeypatch.setitem(EXPORTS, "fbx", replace(EXPORTS["fbx"], missing=lambda: missing))
+    tested = panel_of(ExportPanel)
+    tested.fit()
+    tested.draw()
+    assert tested.button("Character (FBX)").disabled == bool(missing) and missing in tested.html()
+
+
+def test_the_axes_of_the_calibration_are_offered_where_a_camera_stands_in_a_world(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    project = tested.page.tab.session.project
+    assert "calibration" not in tested.html()
+    turned = ((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))
+    world = World(rotation=turned, translation=(0.3, 1.2, 4.0), up="z")
+    project.set_camera(replace(project.clip.camera, world=world))
+    run = tested.fit()
+    tested.page.tab.set(a=FitChoice())  # the button is drawn anew
+    tested.click("calibration's")
+    with np.load(io.BytesIO(downloaded(tested, "npz")), allow_pickle=False) as read:
+        axes, place, to_world = str(read["axes"]), read["camera_place"], read["camera_to_world"]
+    assert axes.startswith(OWN_WORLD)
+    np.testing.assert_allclose(to_world, np.array(turned).T)
+    np.testing.assert_allclose(place, world.place)
+    assert tested.page.tab.session.fits.fit(run).camera.world == world
+
+
+def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    run, clip = tested.fit(), tested.page.tab.session.project.clip.name
+
+    def name(export: str) -> str:
+        downloaded(tested, export)
+        return tested.panels[0].running.title.removeprefix(clip)
+
+    assert [name(export) for export in ("npz", "figures", "pose")] == [".smplx.npz", ".figures.csv", ".pose"]
+    tested.press("export.side", "A")
+    tested.page.tab.set(frames=range(2, 5))
+    tested.press("export.frames", "selected")
+    assert name("npz") == f"-run{run.id}-per-frame-2-4.smplx.npz"
+    assert name("figures") == "-2-4.figures.csv", "it shows A and B"
+    assert name("pose") == "-2-4.pose" and name("project") == ".tcfit.zip"
+    tested.page.tab.set(frames=None, a=FitChoice(phase=2))
+    tested.draw()
+    assert name("figures") == f"-run{run.id}-shared-shape-run{run.id}-temporal.figures.csv"
+    second = tested.fit()
+    tested.page.tab.set(b=FitChoice(run=run.id))
+    tested.press("export.side", "B")
+    assert name("summary") == f"-run{run.id}-temporal.summary.json"
+    tested.page.tab.set(b=FitChoice(run=second.id))
+    assert name("summary") == ".summary.json"
+
+
+def test_long_names_of_runs_are_told_apart(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    run = tested.fit()
+    name = f"a very long name {'of a run ' * 15}corrected"
+    tested.page.tab.session.project.runs.rename(run.id, name)
+    shown = tested.html()
+    assert f'<span class="tcfit-name">{name}</span><span class="tcfit-phase"> · temporal</span>' in shown
+    assert f'title="{name} · temporal"' in shown
+    renamed = tested.page.tab.session.fits.runs[0]
+    others = [replace(renamed, id=2, name=f"{name} twice"), replace(renamed, id=3, name=f"{name[:9]}, {name}")]
+    names = run_names([renamed, *others])
+    assert names == ["a very long name…n corrected", "a very long name…ected twice", "a very lo, a ver…n corrected"]
+    assert run_names([renamed, replace(renamed, id=2)])[1] == "a very long name…n corrected (#2)"
+    assert run_names([replace(renamed, name="Newest")]) == ["Newest (#1)"]
+
+
+def test_the_project_is_downloaded(panel_of: Opener, tmp_path: Path):
+    tested = panel_of(ExportPanel)
+    tested.fit()
+    (tmp_path / "got.zip").write_bytes(downloaded(tested, "project"))
+    unpack(tmp_path / "got.zip", tmp_path / "got.tcfit")
+    with Project.open(tmp_path / "got.tcfit") as found:
+        assert [run.name for run in found.runs.all()] == ["Run 1"] and found.runs.load(1).last.phase == 3
+
+
+def test_exported_keypoints_are_the_corrected_ones(panel_of: Opener, tmp_path: Path):
+    tested = panel_of(ExportPanel)
+    session = tested.page.tab.session
+    session.project.append(MoveKeypoint(frames=(3,), joints=(4,), xy=(((12.5, 34.25),),)))
+    (tmp_path / "got.zip").write_bytes(downloaded(tested, "openpose"))
+    with ZipFile(tmp_path / "got.zip") as archive:
+        archive.extractall(tmp_path / "openpose")
+    for name in ("coco", "pose"):
+        (tmp_path / f"keypoints.{name}").write_bytes(downloaded(tested, name))
+    for path in (tmp_path / "openpose", tmp_path / "keypoints.coco", tmp_path / "keypoints.pose"):
+        people = read_detections(path)
+        assert len(people.frames) == FRAMES
+        assert np.allclose(people.frames[3][0, 4, :2], (12.5, 34.25), atol=0.01)
+
+
+def endless(source: ExportSource, path: Path, progress: Progress) -> None:
+    path.write_bytes(b"half")
+    while True:
+        progress(0.5)
+        time.sleep(0.001)
+
+
+def broken(source: ExportSource, path: Path, progress: Progress) -> None:
+    raise InputError("No off-screen OpenGL here.")
+
+
+def exporting(panel_of: Opener, monkeypatch: pytest.MonkeyPatch, write: Callable[..., None]) -> LonePage:
+    """The panel, with a format that is written so."""
+    export = Export(title="Odd", group="Motion", suffix=".x", hint="", write=write, needs="keypoints")
+    monkeypatch.setitem(EXPORTS, "odd", export)
+    return panel_of(ExportPanel)
+
+
+def test_an_export_can_be_cancelled(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
+    tested = exporting(panel_of, monkeypatch, endless)
+    tested.press("export.begin", "odd")
+    tested.until(lambda: "in progress … 50%" in tested.html())
+    with pytest.raises(InputError, match="is still being made"):
+        tested.press("export.begin", "odd")
+    tested.click("Cancel")
+    tested.settle()
+    assert "cancelled" in tested.html() and not tested.downloads
+
+
+def test_why_an_export_fails_is_told(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
+    tested = exporting(panel_of, monkeypatch, broken)
+    tested.press("export.begin", "odd")
+    tested.settle()
+    assert "No off-screen OpenGL here." in tested.html() and not tested.downloads
+
+
+def test_an_export_ends_with_its_tab(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
+    tested = exporting(panel_of, monkeypatch, endless)
+    tested.press("export.begin", "odd")
+    running = tested.panels[0].running
+    tested.page.close()
+    tested.until(lambda: running.state == "cancelled")
+    tested.until(lambda: not tested.page.tab.session.tasks.busy)

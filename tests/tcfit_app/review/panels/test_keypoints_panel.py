@@ -1,0 +1,176 @@
+"""The panel Keypoints: corrections and their history."""
+
+import time
+
+import numpy as np
+import pytest
+
+from fitting_core.errors import InputError
+from fitting_core.keypoints import INDEX
+from tcfit_app.project.edits.kinds import CopyFrom, MarkBad, Restore, SwapSides
+from tcfit_app.review.browser.page_events import Drag
+from tests.drivers.lone_page import LonePage
+from tests.tcfit_app.review.panels.conftest import last_edit
+
+FIRST = 7
+"""The number that users see for frame 0 of the sample clip."""
+
+
+def test_keypoints_are_selected_in_every_mode_but_not_while_they_are_hidden(tested: LonePage):
+    page = tested.page
+    page.tab.set(keypoints=False)
+    with pytest.raises(InputError, match="Keypoints are hidden"):
+        page.gestures.correcting.select_all()
+    assert page.tab.state.selection == ()
+    page.tab.set(mode="space", keypoints=True)
+    page.gestures.correcting.select_all()
+    chosen = page.tab.state.selection
+    page.gestures.correcting.toggle_bad()
+    assert chosen and page.tab.session.project.corrected.bad[0, list(chosen)].all()
+
+
+def test_keypoints_under_the_pointer_are_left_alone_by_keys(tested: LonePage):
+    page, frame = tested.page, 2
+    page.tab.set(frame=frame, selection=(4,))
+    page.gestures.correcting.reset()
+    before = page.tab.session.project.last_edit
+    page.receive(Drag("start", (4,), 0.0, 0.0, frame))
+    for command in (page.gestures.correcting.toggle_bad, page.gestures.correcting.undo, page.gestures.correcting.redo):
+        with pytest.raises(InputError, match="being dragged"):
+            command()
+    assert page.tab.session.project.last_edit == before
+    page.receive(Drag("end", (4,), 3.0, 0.0, frame))
+    page.gestures.correcting.toggle_bad()
+    assert page.tab.session.project.last_edit == before + 2 and page.tab.session.project.corrected.bad[frame, 4]
+
+
+def test_correcting_buttons_and_where_they_apply(tested: LonePage):
+    page = tested.page
+    page.tab.seek(2)
+    assert f"apply to frame {FIRST + 2}<" in tested.html()
+    page.tab.set(frames=range(1, 4), selection=(4,))
+    assert f"apply to frames {FIRST + 1}–{FIRST + 3}<" in tested.html()
+    tested.press("action", "bad")
+    assert last_edit(page) == MarkBad(frames=(1, 2, 3), joints=(4,))
+    assert ">Restore</span><kbd>X</kbd>" in tested.html()
+    assert f"apply to frames {FIRST + 1}–{FIRST + 3}" in tested.html()
+    page.tab.set(frames=None)
+    assert ">Restore</span><kbd>X</kbd>" in tested.html()
+    page.tab.set(frames=range(1, 4))
+    tested.press("keypoints.group", "left_hand")
+    tested.press("action", "bad")
+    assert last_edit(page) == MarkBad(frames=(1, 2, 3), joints=tuple(range(25, 46)))
+    tested.press("action", "bad")
+    assert last_edit(page) == Restore(frames=(1, 2, 3), joints=tuple(range(25, 46)))
+    page.tab.set(selection=(4,))
+    tested.press("keypoints.swap", "arms")
+    assert isinstance(last_edit(page), SwapSides)
+
+
+def test_copies_go_to_all_selected_frames(tested: LonePage):
+    page = tested.page
+    there = np.flatnonzero(page.tab.session.project.detections.confidence[1] > 0)
+    page.tab.set(frames=range(2, 4), selection=(int(there[0]),))
+    page.tab.seek(3)
+    tested.press("action", "copy")
+    assert last_edit(page) == CopyFrom(frames=(2, 3), joints=(int(there[0]),), source=1)
+
+
+def test_what_is_nowhere_is_not_copied_or_moved(tested: LonePage):
+    page = tested.page
+    missing = int(np.flatnonzero(page.tab.session.project.detections.confidence[1] == 0)[0])
+    page.tab.seek(1)
+    page.tab.set(selection=(missing,))
+    assert "missing" in tested.html()
+    correcting = page.gestures.correcting
+    with pytest.raises(InputError, match=f"none of the selected keypoints exists in frame {FIRST + 1}"):
+        correcting.nudge(1.0, 0.0)
+    page.tab.seek(2)
+    with pytest.raises(InputError, match=f"Cannot be copied.* frame {FIRST + 1}"):
+        correcting.copy_previous()
+    assert not page.tab.session.project.log
+
+
+def test_all_keypoints_are_those_on_show(tested: LonePage):
+    page = tested.page
+    page.tab.set(groups=frozenset({"body", "left_hand"}))
+    confidence = page.tab.session.project.detections.confidence
+    tested.press("action", "all")
+    assert page.tab.state.selection == tuple(np.flatnonzero(confidence[0, :46]))
+    page.tab.set(frames=range(3))
+    tested.press("action", "all")
+    assert page.tab.state.selection == tuple(np.flatnonzero(confidence[:3, :46].any(0))), "seen in any of the frames"
+    page.tab.set(keypoints=False)
+    with pytest.raises(InputError, match="hidden"):
+        tested.press("action", "all")
+
+
+def test_a_moved_keypoint_says_where_it_was(tested: LonePage):
+    page = tested.page
+    joint = int(np.flatnonzero(page.tab.session.project.detections.confidence[0] > 0)[0])
+    page.tab.set(selection=(joint,))
+    before = page.tab.session.project.corrected.xy[0, joint].copy()
+    tested.press("action", "nudge_right")
+    shown = tested.html()
+    assert "corrected" in shown and f"was {before[0]:.1f}, {before[1]:.1f}" in shown
+
+
+def test_selecting_by_name(tested: LonePage):
+    tested.draw()
+    tested.enter("Keypoint", "right wrist")
+    assert tested.page.tab.state.selection == (INDEX["right_wrist"],)
+    tested.press("keypoints.group", "face")
+    assert tested.page.tab.state.selection == tuple(range(67, 137))
+    tested.draw()
+    assert tested.field("Keypoint").value == "Select by name"
+    assert "70 keypoints selected" in tested.html()
+
+
+def test_an_undo_of_an_edit_of_someone_else_asks_first(tested: LonePage):
+    tab = tested.page.tab
+    me, project = tab.author, tab.session.project
+    tab.author = "anna"
+    tab.set(selection=(4,))
+    tab.seek(2)
+    tested.press("action", "bad")
+    tab.author = me
+    tab.seek(0)
+    tested.press("action", "undo")
+    question = f"Undo an edit of anna? right wrist marked bad, frame {FIRST + 2}. Press Ctrl+Z again"
+    assert tab.message[0] == question and tab.message[1] > time.monotonic() + 8, "long enough to be read"
+    assert tab.state.frame == 2 and project.undoable is not None
+    tab.set(selection=(5,))
+    tested.press("action", "bad")
+    tested.press("action", "undo")
+    assert tab.message[0].startswith("Undone: left shoulder"), "an own edit needs no question"
+    tested.press("action", "undo")
+    assert tab.message[0] == question, "the answer was for another question"
+    tested.press("action", "undo")
+    assert tab.message[0].endswith("(made by anna)") and project.undoable is None
+    tested.press("action", "redo")
+    assert tab.message[0].startswith("Redo an edit of anna?") and project.undoable is None
+    tested.press("action", "redo")
+    assert project.undoable is not None
+
+
+def test_history(tested: LonePage):
+    page = tested.page
+    page.tab.set(selection=(4,))
+    assert "Nothing to undo" in tested.html()
+    tested.press("action", "bad")
+    assert f"Undo: right wrist marked bad, frame {FIRST}<" in tested.html()
+    tested.press("action", "undo")
+    assert page.tab.message[0] == f"Undone: right wrist marked bad, frame {FIRST}"
+    tested.press("action", "redo")
+    page.tab.author = "another"
+    tested.press("action", "undo")
+    tested.press("action", "undo")
+    assert page.tab.message[0].endswith("(made in another browser)")
+    shown = tested.html()
+    assert "Nothing to undo" in shown and f"Redo: right wrist marked bad, frame {FIRST}<" in shown
+    assert 'class="tcfit-off"' in shown
+    page.tab.seek(5)
+    tested.press("keypoints.visit", str(page.tab.session.project.log[0].id))
+    assert page.tab.state.frame == 0 and page.tab.state.selection == (4,) and not page.tab.state.suggested
+    tested.press("keypoints.follow")
+    assert not page.tab.session.edit_follower.after_edits
