@@ -147,6 +147,8 @@ class TabState:
     """Only entries of this kind of the review queue are listed; empty: all."""
     ghost: bool = control(False, Switch("space", "A as a ghost", "A as a ghost in 3D, on or off", needs=("bodies",)))
     settings: FitSettings = field(default_factory=FitSettings)
+    folds: frozenset[str] = frozenset()
+    """The open folds of the panels, by name."""
     keys: bool = False
     """The window of all keys is open."""
 

@@ -8,7 +8,7 @@ import { element } from "./elements.js";
  * `obstacle` says why that cannot be done now. One that has `checked` switches something, and leaves the menu open. One
  * that has `more` opens the menu of these in its place.
  * @typedef {{ label: string, keys?: string, obstacle?: string, checked?: boolean, action?: string,
- *   more?: MenuItem[], run?: () => void }} MenuItem
+ *   more?: (MenuItem | null)[], run?: () => void }} MenuItem
  */
 
 const GREY = "Point at a grey line to see why.";

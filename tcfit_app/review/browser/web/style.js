@@ -174,6 +174,8 @@ export const PANEL_SHEET = `
 .tcfit-panel button.tcfit-main { background: #1c6fb5; border-color: #3b8ad0; color: #fff; font-weight: 600; }
 .tcfit-panel button.tcfit-main:hover:not(:disabled) { background: #2377bd; color: #fff; }
 .tcfit-panel button.tcfit-left { justify-content: space-between; }
+.tcfit-panel button.tcfit-fold { justify-content: flex-start; border-color: transparent; background: none; font-weight: 600; }
+.tcfit-panel button.tcfit-fold:hover:not(:disabled) { background: var(--tcfit-pointed); }
 .tcfit-panel button.tcfit-mini { flex: none; height: 20px; padding: 0 7px; font-size: 13px; }
 .tcfit-panel kbd { flex: none; margin-left: 6px; font: 13px/1 ${FONT}; color: var(--tcfit-key); }
 .tcfit-panel button[aria-pressed=true] kbd, .tcfit-panel button.tcfit-main kbd { color: #ffffff; }

@@ -4,10 +4,12 @@ A button carries what it does. Presses come back as `page_events.Press`; the sty
 is escaped here; only what the functions of this file return is taken as HTML.
 """
 
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from html import escape
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from fitting_core.keypoints import GROUPS
 from tcfit_app.review.browser.page_states import GROUP_COLORS
@@ -62,6 +64,7 @@ def button(
     *,
     do: Callable[[], object],
     pressed: bool | None = None,
+    expanded: bool | None = None,
     disabled: bool = False,
     obstacle: str = "",
     keys: str = "",
@@ -77,16 +80,17 @@ def button(
         value: tells apart buttons of one command.
         do: what it does.
         pressed: whether a toggle is on.
+        expanded: whether the part that it opens and closes is open.
         disabled: cannot be pressed now.
         obstacle: why it cannot be pressed now, if it cannot; its tooltip says so.
         keys: that do the same.
         hint: its tooltip.
-        kind: its style: "main", "danger", "left", "mini"; "close": in a window,
-        Escape and a click outside press it.
+        kind: its style: "main", "danger", "left", "mini", "fold"; "close": in a window, Escape and a click outside
+            press it.
         enter: Enter in the text field above presses it.
     """
     off, title = disabled or bool(obstacle), ". ".join(filter(None, (hint, obstacle)))
-    made = _button(text(label), command, value, pressed, off, keys, title, kind, enter)
+    made = _button(text(label), command, value, pressed, expanded, off, keys, title, kind, enter)
     return Html(made, {} if off else {(command, value): do})
 
 
@@ -96,6 +100,7 @@ def _button(
     command: str,
     value: str,
     pressed: bool | None,
+    expanded: bool | None,
     off: bool,
     keys: str,
     title: str,
@@ -107,6 +112,7 @@ def _button(
         f'<button type="button" data-tcfit="{escape(command)}" data-value="{escape(value)}"'
         + (f' class="tcfit-{escape(kind)}"' if kind else "")
         + (f' aria-pressed="{str(pressed).lower()}"' if pressed is not None else "")
+        + (f' aria-expanded="{str(expanded).lower()}"' if expanded is not None else "")
         + (f' title="{escape(title)}"' if title else "")
         + (" data-enter" if enter else "")
         + (" disabled" if off else "")
@@ -152,6 +158,77 @@ def action(
         hint=hint,
         kind=kind,
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Item:
+    """A line of a button's menu."""
+
+    label: str
+    """Distinct within the menu."""
+    do: Callable[[], object] = bool
+    keys: str = ""
+    """Keys that do the same, for users."""
+    obstacle: str = ""
+    """Why it cannot be done now; empty if it can."""
+    checked: bool | None = None
+    """Of a switch, whether it is on."""
+    more: Sequence["Item | None"] = ()
+    """Instead of `do`: the submenu."""
+
+
+def action_item(gestures: Gestures, name: str, label: str = "") -> Item:
+    """A menu's line for one of ACTIONS, as `action` is a button."""
+    known = ACTIONS[name]
+    why, control = known.obstacle(gestures), CONTROLS.get(name)
+    on = not why and bool(getattr(gestures.tab.state, name)) if isinstance(control, Switch) else None
+    shown = label or (control.label if isinstance(control, Switch) else known.title)
+    keys = next(map(str, known.keys), "")
+    return Item(label=shown, do=lambda: gestures.run(name), keys=keys, obstacle=why, checked=on)
+
+
+def menu_button(
+    label: object,
+    command: str,
+    items: Sequence[Item | None],
+    *,
+    name: str = "",
+    disabled: bool = False,
+    hint: str = "",
+    kind: str = "",
+) -> Html:
+    """A button that opens a menu below itself.
+
+    Args:
+        label: as in `button`; it should end in "▾".
+        command: as in `button`.
+        items: the menu's lines; None draws a line between groups.
+        name: of the button and its menu for those who do not see it; empty: the label.
+        disabled: as in `button`.
+        hint: as in `button`.
+        kind: as in `button`.
+    """
+    presses: Presses = {}
+    content = json.dumps([_line_of(item, command, "", presses) for item in items], ensure_ascii=False)
+    attributes = {"data_tcfit": command, "data_menu": content, "title": hint, "aria_label": name}
+    looks = {"class_": f"tcfit-{kind}" if kind else "", "disabled": "disabled" if disabled else ""}
+    made = tag("button", tag("span", label), type="button", aria_haspopup="menu", **attributes, **looks)
+    return Html(made, {} if disabled else presses)
+
+
+def _line_of(item: Item | None, command: str, above: str, presses: Presses) -> dict[str, Any] | None:
+    """A menu's line as the page takes it (menu.js); what it does is added to `presses`."""
+    if item is None:
+        return None
+    value = f"{above}{item.label}"
+    made: dict[str, Any] = {"label": item.label, "keys": item.keys, "obstacle": item.obstacle, "value": value}
+    if item.checked is not None:
+        made["checked"] = item.checked
+    if item.more:
+        made["more"] = [_line_of(one, command, f"{value}/", presses) for one in item.more]
+    elif not item.obstacle:
+        presses[command, value] = item.do
+    return made
 
 
 def switches(gestures: Gestures, section: Section) -> list[Html]:

@@ -34,6 +34,22 @@ def test_only_what_is_on_show_and_on_can_be_pressed(caplog: pytest.LogCaptureFix
     assert [record.levelno for record in caplog.records] == [logging.INFO], "one line for all that was dropped"
 
 
+def test_only_lines_of_a_menu_that_are_on_can_be_chosen():
+    buttons, taken = Buttons(), []
+
+    def item(label: str, *, obstacle: str = "", more: tuple[html.Item, ...] = ()) -> html.Item:
+        return html.Item(label=label, do=lambda: taken.append(label), obstacle=obstacle, more=more)
+
+    lines = (item('"Left" & right'), None, item("Off", obstacle="no fit"), item("Hand", more=(item("Fist"),)))
+    buttons.show("a board", html.menu_button("More ▾", "more", lines).presses)
+    for value in ('"Left" & right', "Off", "Hand", "Hand/Fist", ""):
+        buttons.take(Press("more", value))
+    assert taken == ['"Left" & right', "Fist"]
+    buttons.show("a board", html.menu_button("More ▾", "more", lines, disabled=True).presses)
+    buttons.take(Press("more", "Hand/Palm"))
+    assert len(taken) == 2
+
+
 def test_what_a_button_does_is_not_hidden():
     buttons = Buttons()
     buttons.show("a board", html.button("label", "broken", do=lambda: {}["missing"]).presses)

@@ -10,6 +10,8 @@ from fitting_core.camera import World
 from fitting_core.config.schema import PRESETS
 from fitting_core.keypoints import INDEX
 from tcfit_app.project.edits.kinds import SetDepth
+from tcfit_app.review.panels.elements.fold import Fold
+from tcfit_app.review.panels.elements.html import Board, Item, menu_button, row
 from tcfit_app.review.tab.state import FitSettings
 from tests.drivers.lone_page import sample_project
 from tests.drivers.review_page import Reviewing, reviewing, until
@@ -68,6 +70,35 @@ def test_buttons_by_keyboard(opened: Reviewing):
     opened.tab.keyboard.press("Enter")
     until(lambda: opened.page.tab.state.speed == 0.5)
     opened.tab.keyboard.press("Escape")
+
+
+def test_a_menu_opens_below_its_button_and_a_fold_opens(opened: Reviewing):
+    tab, page, chosen, boards = opened.page.tab, opened.tab, [], []
+    hand = Item(label="Hand shape", more=(Item(label="Fist", do=lambda: chosen.append("fist")),))
+    lines = (Item(label="Grey", obstacle="There is no fit yet."), None, hand)
+
+    def draw() -> None:
+        if not boards:
+            fold = Fold(tab, "tested")
+            with fold:
+                boards.extend((fold, Board(tab)))
+        if boards[0].draw("Hands"):
+            boards[1].show(row(menu_button("⋯", "tested", lines, name="More shapes")))
+
+    tab.do(draw)
+    head = page.locator("[data-value=tested]")
+    head.click()
+    until(lambda: "tested" in tab.state.folds)
+    tab.do(draw)
+    page.get_by_role("button", name="More shapes").click()
+    assert page.get_by_role("menuitem", name="Grey").get_attribute("aria-disabled") == "true"
+    page.get_by_role("menuitem", name="Hand shape").click()
+    page.get_by_role("menuitem", name="Fist").click()
+    until(lambda: chosen == ["fist"])
+    head.press("Enter")
+    until(lambda: "tested" not in tab.state.folds)
+    tab.do(draw)
+    until(lambda: page.get_by_role("button", name="More shapes").count() == 0)
 
 
 def test_names_of_runs_are_text(opened: Reviewing):

@@ -1,9 +1,13 @@
-// The buttons in the panels' own HTML. Each element with data-tcfit is one: a command, with data-value.
+// The buttons in the panels' own HTML. Each element with data-tcfit is one: a command, with data-value; or, with
+// data-menu, a button that opens a menu, each line of which is the same command with a value of its own.
 
 import { emit } from "../connection.js";
+import { openMenuAt } from "../menu.js";
 import { DROPDOWN_INPUT, WINDOW_SURROUNDINGS } from "../viser/bridge.js";
 
+/** @import { MenuItem } from "../menu.js" */
 /** @import { Press } from "../wire" */
+/** @typedef {MenuItem & { value: string, more?: (Line | null)[] }} Line of a menu as the server sends it */
 
 /** @type {Press | null} */
 let pressedFirst = null; // what the pointer went down on: the panel may be redrawn before it goes up
@@ -13,26 +17,42 @@ export function commandOf({ dataset }) {
   return { type: "press", command: dataset.tcfit ?? "", value: dataset.value ?? "" };
 }
 
-/** The command under an event, if there is one. @param {Event} event */
-function commandUnder({ target }) {
+/** The button under an event, if there is one. @param {Event} event @returns {HTMLElement | null} */
+function buttonUnder({ target }) {
   const found = target instanceof Element ? target.closest("[data-tcfit]") : null;
-  return found instanceof HTMLElement && !found.matches(":disabled") ? commandOf(found) : null;
+  return found instanceof HTMLElement && !found.matches(":disabled") ? found : null;
 }
 
+/** @param {HTMLElement} button */
+function press(button) {
+  const { menu, tcfit = "" } = button.dataset;
+  if (menu === undefined) emit(commandOf(button));
+  else openMenuAt(button.ariaLabel ?? button.innerText, JSON.parse(menu).map(lineOf(tcfit)), button);
+}
+
+/** @param {string} command @returns {(line: Line | null) => MenuItem | null} */
+const lineOf = (command) => (line) => line && {
+  ...line,
+  more: line.more?.map(lineOf(command)),
+  run: () => emit({ type: "press", command, value: line.value }),
+};
+
 window.addEventListener("pointerdown", (event) => {
-  pressedFirst = event.button === 0 ? commandUnder(event) : null;
+  const button = event.button === 0 ? buttonUnder(event) : null;
+  pressedFirst = button && commandOf(button);
 }, true);
 
 window.addEventListener("pointerup", (event) => {
-  const command = commandUnder(event);
+  const button = buttonUnder(event);
+  const command = button && commandOf(button);
   const same = command?.command === pressedFirst?.command && command?.value === pressedFirst?.value;
-  if (command && same) emit(command);
+  if (button && same) press(button);
   pressedFirst = null;
 }, true);
 
 window.addEventListener("click", (event) => {
-  const command = event.detail === 0 ? commandUnder(event) : null; // by keyboard, or by assistive software
-  if (command) emit(command);
+  const button = event.detail === 0 ? buttonUnder(event) : null; // by keyboard, or by assistive software
+  if (button) press(button);
 }, true);
 
 /** Presses the button that closes the window on top; whether there is one. */
