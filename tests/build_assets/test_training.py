@@ -10,17 +10,15 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from build_assets.motion_capture.retarget import MotionClip, mirrored
-from build_assets.pose_prior import dataset, synthesis
+from build_assets.pose_prior import dataset
 from build_assets.pose_prior.__main__ import Options, exported, main
 from build_assets.pose_prior.autoencoder import LATENT, NetworkSize, PoseAutoencoder
-from build_assets.pose_prior.loss import Loss, Precision
+from build_assets.pose_prior.loss import Precision
 from build_assets.pose_prior.skeleton import Contact, Skeleton
 from build_assets.pose_prior.training import Schedule, Training
 from fitting_core.body import rotations
-from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.errors import InputError
-from fitting_core.fit.terms.limits import AngleTable
 from fitting_core.priors.files.network import read_prior_network
 from fitting_core.priors.latent import LatentPrior
 from tests.build_assets.captured import cmu_channels, write_cmu
@@ -109,21 +107,6 @@ def test_contact_sees_what_goes_through_the_body(contact: Contact, pose: np.ndar
     assert bool(contact.overlaps(dataset.matrices(mirrored(pose)))[0]) is expected
 
 
-def test_synthesised_limbs_keep_to_the_joints_ranges(free_body: BodyModel):
-    rng, count = np.random.default_rng(0), 2000
-    pose = np.zeros((count, 21, 3))
-    for groups, make in synthesis.SYNTHESIS.items():
-        for group, limb in zip(groups, make(rng, count), strict=True):
-            pose[:, synthesis.group_rows(group)] = limb
-    ranges = {name: r for name, r in joint_ranges(free_body).items() if JOINT[name] <= 21}
-    table = AngleTable.of(ranges, torch.zeros(0, dtype=torch.float64))
-    angles = table.named(table.angles(torch.as_tensor(pose)[:, table.joint - 1])).rad2deg()
-    bounds = torch.as_tensor(np.array([r.bounds for r in ranges.values()]))
-    beyond = (angles - angles.clamp(bounds[..., 0], bounds[..., 1])).abs()
-    assert (beyond < 10).double().mean() > 0.99
-    assert beyond.max() < 45
-
-
 def test_the_pool_is_seeded_and_free_of_collisions(captured: dataset.Poses, contact: Contact):
     def drawn(seed: int) -> np.ndarray:
         return dataset.pool(captured, contact, 200, np.random.default_rng(seed), as_captured=0.25)
@@ -133,19 +116,6 @@ def test_the_pool_is_seeded_and_free_of_collisions(captured: dataset.Poses, cont
     assert not contact.overlaps(dataset.matrices(pool[50:])).any()
     np.testing.assert_array_equal(pool, drawn(3))
     assert not np.array_equal(pool, drawn(4))
-
-
-def test_the_loss_tells_folded_latent_numbers_and_impossible_poses(free_body: BodyModel):
-    loss, random = Loss(free_body, Precision()), torch.Generator().manual_seed(0)
-    normal = torch.randn((512, LATENT), generator=random)
-    directions = torch.nn.functional.normalize(torch.randn((LATENT, 16), generator=random), dim=0)
-    assert loss._unlike_normal(normal @ directions) < 0.03
-    assert loss._unlike_normal(normal.abs() @ directions) > 0.3
-    broken = dataset.matrices(turned(left_knee=(-60, 0, 0)))
-    beyond, _ = loss._implausible(broken)
-    expected = (np.radians(60) + joint_ranges(free_body)["left_knee"].bounds[0, 0] * np.pi / 180) ** 2 / (2 * 0.1**2)
-    assert float(beyond) == pytest.approx(expected, rel=1e-3)
-    assert loss._implausible(dataset.matrices(turned()))[0] == 0
 
 
 @pytest.mark.slow

@@ -28,6 +28,7 @@ from tcfit_app.cli import fit_command
 from tcfit_app.cli.main import main
 from tcfit_app.project.project import Project
 from tests.drivers.browser import chromium
+from tests.samples import sessions
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -43,6 +44,18 @@ def motion() -> BodyParams:
     params.camera_translation[:] = torch.tensor([0.0, -0.3, 4.5])
     params.body_pose[:, 3 * 15 + 2] = torch.linspace(-1.0, 0.2, FRAMES)
     return params
+
+
+@pytest.fixture(scope="session")
+def fitted_walk(tiny_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project of a small clip with one whole fit; not to be changed."""
+    folder = tmp_path_factory.mktemp("fitted") / "walk.tcfit"
+    Project.create(folder, sessions.small_clip(tiny_body)).close()
+    with sessions.session_of(folder, tiny_body) as session:
+        session.fit_everything(sessions.QUICK, kind="smplx", gender="neutral")
+        sessions.idle(session)
+        assert session.fits.runs[0].state == "finished"
+    return folder
 
 
 @pytest.fixture(scope="session")

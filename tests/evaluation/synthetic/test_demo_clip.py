@@ -108,17 +108,6 @@ def test_the_truth_is_a_body_that_projects_to_its_keypoints(truth: Truth, body: 
     assert truth.camera.size == SMALL.size and truth.frame_rate == RATE and truth.body_hash == body.hash
 
 
-def test_same_seed_same_clip_and_another_seed_another(
-    tmp_path: Path, demo: DemoClip, truth: Truth, body: BodyModel, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(demo_clip, "_film", lambda *_, **__: truth.visible)  # the slow part; it has no chance in it
-    again = make_demo(tmp_path / "again", frame_rate=RATE, camera=SMALL, body=body)
-    other = make_demo(tmp_path / "other", frame_rate=RATE, camera=SMALL, body=body, seed=1)
-    assert demo.keypoints.read_bytes() == again.keypoints.read_bytes() != other.keypoints.read_bytes()
-    np.testing.assert_array_equal(read_truth(again.truth).joints, truth.joints)
-    assert not np.array_equal(read_truth(other.truth).joints, truth.joints)
-
-
 def test_feet_stand_still_on_the_floor_and_the_hips_sink_backward(body: BodyModel) -> None:
     times = np.arange(0, SECONDS, 0.1)
     params = perform(body, SCRIPT, times, np.random.default_rng(0), betas=BETAS)

@@ -24,7 +24,7 @@ from evaluation.synthetic.suite import (
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT
-from fitting_core.keypoints import BODY, INDEX
+from fitting_core.keypoints import INDEX
 
 COMPLEX, SIMPLE = SEQUENCES["complex_1"], SEQUENCES["simple_1"]
 
@@ -52,12 +52,6 @@ def part(sequence: SuiteSequence, *joints: str) -> np.ndarray:
     """Vertices that mostly follow these joints."""
     weights = subject_body(sequence.subject).skinning_weights[:, [JOINT[j] for j in joints]]
     return weights.sum(1) > 0.6
-
-
-def body_errors(clip: SuiteClip) -> np.ndarray:
-    """Pixels between reported body points and the truth."""
-    errors = np.linalg.norm(clip.clip.keypoints.xy - clip.truth.keypoints, axis=2)[:, BODY]
-    return errors[clip.clip.keypoints.confidence[:, BODY] > 0]
 
 
 def test_the_table_has_the_papers_shape() -> None:
@@ -118,15 +112,6 @@ def test_the_truth_is_what_the_camera_sees() -> None:
     picture, *_ = studio.draw(there, clip.body.faces, vertex_normals(there, clip.body.faces), Outfit.of(clip.body))
     x, y = clip.truth.keypoints[0, [INDEX["neck"], INDEX["mid_hip"]]].mean(0).astype(int)
     assert picture[y, x, 2] > picture[y, x, 0] + 20, "a blue shirt between neck and hips"
-
-
-def test_the_same_seed_gives_the_same_and_another_seed_another() -> None:
-    sequence = small(SIMPLE, rate=2.0)
-    first, second = (make_sequence(sequence, cached=False) for _ in range(2))
-    np.testing.assert_array_equal(first.clip.keypoints.xy, second.clip.keypoints.xy)
-    np.testing.assert_array_equal(first.truth.joints, second.truth.joints)
-    other = make_sequence(replace(sequence, seed=7), cached=False)
-    assert not np.array_equal(other.truth.joints, first.truth.joints)
 
 
 def test_the_truth_is_cached_and_the_same_from_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -138,12 +138,6 @@ def test_advice_on_rendering(monkeypatch: pytest.MonkeyPatch, reasons: dict[str,
     assert [check.status for check in check_rendering()] == ["warning", "ok"]
 
 
-@pytest.mark.parametrize(("codec", "status"), [("libx264", "ok"), ("none", "warning")])
-def test_video(monkeypatch: pytest.MonkeyPatch, codec: str, status: str):
-    monkeypatch.setattr(encoding, "CODEC", codec)
-    assert [check.status for check in check_video()] == ["ok", status]
-
-
 def test_a_check_that_raises_is_a_failed_line(places: Path, monkeypatch: pytest.MonkeyPatch):
     """A package is missing, its interface has changed (PyAV 19 refused an argument that earlier versions took), or a
     file that comes with tcfit is damaged."""
@@ -216,11 +210,3 @@ def test_kernels_that_the_first_fit_compiles_are_no_reason_to_warn(
     monkeypatch.setattr(ready, "problem", lambda: problem)
     check = list(check_torch())[1]
     assert check.status == status and found in check.found
-
-
-def test_missing_networks_are_named_by_what_they_are_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setenv("TCFIT_DETECTORS", str(tmp_path))
-    [check] = report.check_detector()
-    assert check.status == "warning"
-    assert check.found == "the networks are not on this computer: tcfit cannot find keypoints in a video"
-    assert check.advice.startswith("tcfit models add mediapipe")

@@ -48,21 +48,24 @@ def two(tmp_path_factory: pytest.TempPathFactory, free_body: BodyModel) -> Path:
     return folder
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def clip(two: Path) -> list[str]:
     size = [str(side) for side in CAMERA.size]
     return ["--keypoints", str(two), "--image-size", *size, "--focal-length", "800", "--frame-rate", str(RATE)]
 
 
-@pytest.fixture(scope="module")
-def fitted(two: Path, tmp_path_factory: pytest.TempPathFactory, free_body: BodyModel) -> Path:
-    """Both, fitted through the command line; not to be changed."""
-    folder = tmp_path_factory.mktemp("results") / "talk"
-    size = [str(side) for side in CAMERA.size]
-    arguments = ["--keypoints", str(two), "--image-size", *size, "--focal-length", "800", "--frame-rate", str(RATE)]
+@pytest.fixture(scope="module", autouse=True)
+def read_once(free_body: BodyModel) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fit_command, "load_body", lambda path: free_body)
-        assert main(["fit", *arguments, "--people", "all", "--out", str(folder), "--no-overlay", *QUICK]) == 0
+        yield
+
+
+@pytest.fixture(scope="module")
+def fitted(clip: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Both, fitted through the command line; not to be changed."""
+    folder = tmp_path_factory.mktemp("results") / "talk"
+    assert main(["fit", *clip, "--people", "all", "--out", str(folder), "--no-overlay", *QUICK]) == 0
     return folder
 
 
@@ -110,22 +113,14 @@ def test_the_export_of_everybody(fitted: Path, tmp_path: Path, capsys: pytest.Ca
     assert [path.name for path in (tmp_path / "c").iterdir()] == ["talk person 2.smplx.npz"]
 
 
-@pytest.mark.parametrize("command", [["import"]])
-def test_what_is_about_one_person_says_whose_folders_there_are(
-    command: list[str], fitted: Path, capsys: pytest.CaptureFixture[str]
-):
-    more = ["x.npz"] if command == ["import"] else []
-    assert main([*command, str(fitted), *more]) == 2
-    assert f"holds several people. Give the folder of one of them, such as {fitted / 'person-1'}" in (
-        capsys.readouterr().err
-    )
+def test_what_is_about_one_person_says_whose_folders_there_are(fitted: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["import", str(fitted), "x.npz"]) == 2
+    said = f"holds several people. Give the folder of one of them, such as {fitted / 'person-1'}"
+    assert said in capsys.readouterr().err
 
 
-def test_a_next_fit_takes_the_last_one_s_place(
-    fitted: Path, clip: list[str], tmp_path: Path, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_next_fit_takes_the_last_one_s_place(fitted: Path, clip: list[str], tmp_path: Path):
     """Whoever it does not have is gone; nothing is mixed."""
-    monkeypatch.setattr(fit_command, "load_body", lambda path: free_body)
     folder = tmp_path / "out"
     shutil.copytree(fitted, folder)
     # Of the last frames too few are left for the left one.
@@ -167,11 +162,9 @@ def test_refused(
     said: str,
     clip: list[str],
     tmp_path: Path,
-    free_body: BodyModel,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ):
-    monkeypatch.setattr(fit_command, "load_body", lambda path: free_body)
     monkeypatch.chdir(tmp_path)
     assert main([command, *clip, "--people", "all", "--out", "out", *options]) == 2
     assert said in capsys.readouterr().err
@@ -179,14 +172,8 @@ def test_refused(
 
 
 def test_a_start_is_for_whoever_follows_it(
-    fitted: Path,
-    clip: list[str],
-    tmp_path: Path,
-    free_body: BodyModel,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    fitted: Path, clip: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    monkeypatch.setattr(fit_command, "load_body", lambda path: free_body)
     given = str(fitted / "person-2" / "fit.npz")
     arguments = ["--people", "all", "--no-overlay", "--start", given, *QUICK, "--set", "last_phase=1"]
     assert main(["fit", *clip, "--out", str(tmp_path / "out"), *arguments]) == 0
@@ -223,25 +210,23 @@ def test_a_project_of_each_and_one_copy_of_the_images(two: Path, tmp_path: Path,
 
 
 def test_a_cancelled_fit_leaves_the_last_one_until_somebody_has_a_result(
-    fitted: Path, clip: list[str], tmp_path: Path, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+    fitted: Path, clip: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     def cancelled(*arguments: Any, **options: Any) -> Iterator[FitEvent]:
         raise KeyboardInterrupt
         yield
 
-    monkeypatch.setattr(fit_command, "load_body", lambda path: free_body)
     folder = tmp_path / "out"
     shutil.copytree(fitted, folder)
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    with monkeypatch.context() as patch:
-        patch.setattr("fitting_core.fit.fitting.fit_events", cancelled)
-        assert main(["fit", *clip, "--people", "all", "--out", str(folder), "--no-overlay", *QUICK]) == 130
+    monkeypatch.setattr("fitting_core.fit.fitting.fit_events", cancelled)
+    assert main(["fit", *clip, "--people", "all", "--out", str(folder), "--no-overlay", *QUICK]) == 130
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
 @pytest.mark.thorough
 def test_a_killed_fit_leaves_a_folder_of_several_people(
-    clip: list[str], tmp_path: Path, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+    clip: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """Which lists who has a result, and which a next fit may replace."""
     listed: list[list[str]] = []
@@ -251,7 +236,6 @@ def test_a_killed_fit_leaves_a_folder_of_several_people(
         listed.append([one.folder for one in read_people_file(folder.parent).people])
         return whole(folder, *arguments, **options)
 
-    monkeypatch.setattr(fit_command, "load_body", lambda path: free_body)
     arguments = ["fit", *clip, "--people", "all", "--out", str(tmp_path / "out"), "--no-overlay", *QUICK]
     arguments += ["--set", "last_phase=1"]
     with monkeypatch.context() as patch:
@@ -268,7 +252,6 @@ def test_a_killed_fit_leaves_a_folder_of_several_people(
 def test_after_a_full_disk_every_result_says_whether_it_is_finished(
     clip: list[str],
     tmp_path: Path,
-    free_body: BodyModel,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     written: int,
@@ -281,7 +264,6 @@ def test_after_a_full_disk_every_result_says_whether_it_is_finished(
             raise InputError("the disk is full")
         return whole(*arguments, **options)
 
-    monkeypatch.setattr(fit_command, "load_body", lambda path: free_body)
     monkeypatch.setattr(fit_command, "write_result", until_full)
     assert main(["fit", *clip, "--people", "all", "--out", str(out), "--no-overlay", *QUICK]) == 2
     err = capsys.readouterr().err

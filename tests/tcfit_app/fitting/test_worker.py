@@ -25,7 +25,7 @@ from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, PhaseFini
 from fitting_core.fit.fitting import Refit, fit_clip, rerun_events
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting import worker as worker_module
-from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames
+from tcfit_app.fitting.jobs import FitEverything, FitShape, RerunFrames
 from tcfit_app.fitting.live import Correction, LiveCorrection
 from tcfit_app.fitting.reports import (
     DragEnded,
@@ -498,11 +498,3 @@ def test_every_job_ends_once_whatever_is_commanded(commands: list[tuple]):
         elif report.job in started:
             assert report.job == running
             running = None if isinstance(report, JobEnded) else running
-
-
-def test_the_jobs_are_jobs(clip: Clip, tiny_body: BodyModel, result: FitResult):
-    jobs: list[Job] = [
-        FitEverything(clip=clip, body=tiny_body, config=QUICK),
-        FitShape(clip=clip, body=tiny_body, config=replace(QUICK, last_phase=2), start=result),
-    ]
-    assert [job.phases for job in jobs] == [(1, 2, 3), (2,)]

@@ -119,38 +119,15 @@ def test_files_are_on_the_disk_when_they_are_said_to_be(name: str, syncs: Syncs,
 # --- the database ---
 
 
-def _edits(project: Project) -> None:
-    project.append(random_edit(1))
-    project.undo()
-
-
-def _marks(project: Project) -> None:
-    project.marks.set([1], "flag")
-
-
-def _rename(project: Project) -> None:
-    project.runs.rename(1, "other")
-
-
-def _delete(project: Project) -> None:
-    project.runs.delete(1)
-
-
-def _restore(project: Project) -> None:
-    project.runs.delete(1)
-    project.runs.undelete(1)
-
-
-def _purge(project: Project) -> None:
-    project.runs.delete(1)
-    project.runs.purge()
-
-
-def _relink(project: Project) -> None:
-    project.relink(write_images(project.folder.parent / "other", "1.png"))
-
-
-CHANGES = {f.__name__[1:]: f for f in (_edits, _marks, _rename, _delete, _restore, _purge, _relink)}
+CHANGES: dict[str, Callable[[Project], object]] = {
+    "edits": lambda project: (project.append(random_edit(1)), project.undo()),
+    "marks": lambda project: project.marks.set([1], "flag"),
+    "rename": lambda project: project.runs.rename(1, "other"),
+    "delete": lambda project: project.runs.delete(1),
+    "restore": lambda project: (project.runs.delete(1), project.runs.undelete(1)),
+    "purge": lambda project: (project.runs.delete(1), project.runs.purge()),
+    "relink": lambda project: project.relink(write_images(project.folder.parent / "other", "1.png")),
+}
 
 
 @contextmanager

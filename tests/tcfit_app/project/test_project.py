@@ -27,7 +27,6 @@ from fitting_core.files import locking
 from fitting_core.keypoints import COUNT
 from tcfit_app.analysis.suspicion import still_checked
 from tcfit_app.project import project as project_module
-from tcfit_app.project.edits.edit_log import WriteNote
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database, media
@@ -138,11 +137,6 @@ def test_several_threads_may_edit(folder: Path):
         assert same_keypoints(project.clip.keypoints, corrected) and len(project.log) == 53
 
 
-def test_commits_wait_for_the_disk(folder: Path):
-    with Project.open(folder) as project:
-        assert [project._database.rows(f"PRAGMA {n}")[0][0] for n in ("journal_mode", "synchronous")] == ["wal", 2]
-
-
 def test_the_log_is_only_added_to(folder: Path):
     with closing(sqlite3.connect(folder / database.NAME)) as connection:
         for change in ("UPDATE edits SET author = 'x'", "DELETE FROM edits"):
@@ -178,15 +172,6 @@ def test_marks(folder: Path):
             (3, "checked", "ben"),
             (5, "checked", "ben"),
         ]
-
-
-def test_frames_have_the_numbers_that_users_see(folder: Path):
-    """The clip's first one is frame 7 of its video."""
-    with Project.open(folder) as project:
-        assert project.footage.first_frame == 7
-        for wrong in (MarkBad(frames=(2, 6), joints=(0,)), WriteNote(frames=(6,), text="there is none")):
-            with pytest.raises(InputError, match=r"no frame 13; the clip has frames 7 to 12"):
-                project.append(wrong)
 
 
 def test_marks_are_undone_and_redone_as_edits_are(folder: Path):
@@ -669,20 +654,6 @@ def test_a_video_that_may_not_be_looked_for_keeps_no_project_closed(
     monkeypatch.setattr(os, "stat", stat)
     with Project.open(folder, read_only=read_only) as project:
         assert project.clip.source is None and re.search(f"{words}.*Relink", project.media.problem)
-
-
-def test_media_can_be_copied_into_the_project(tmp_path: Path, video: Path):
-    with Project.create(tmp_path / "a", replace(sample_clip(), source=video), copy_media=True) as project:
-        assert project.clip.source == tmp_path / "a" / "media" / "walk.mp4"
-    images = tmp_path / "images"
-    images.mkdir()
-    for number in range(3):
-        (images / f"{number}.png").write_bytes(bytes([number]) * 100)
-    with Project.create(tmp_path / "b", replace(sample_clip(), source=images), copy_media=True) as project:
-        assert project.clip.source == tmp_path / "b" / "media" / "images" and not project.media.problem
-        assert sorted(p.name for p in project.clip.source.iterdir()) == ["0.png", "1.png", "2.png"]
-    with Project.create(tmp_path / "c", replace(sample_clip(), source=images)) as project:
-        assert project.clip.source and project.clip.source.samefile(images)
 
 
 def test_a_fingerprint_sees_another_start_middle_end_and_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -1,6 +1,5 @@
 """A project as one file: what comes out is what went in, and what others made up does not come out at all."""
 
-import io
 import shutil
 import sqlite3
 import stat
@@ -317,29 +316,12 @@ def flipped(packed: Path) -> None:
     packed.write_bytes(bytes(content))
 
 
-def newer(packed: Path) -> None:
-    rewritten(packed, lambda c: c.update({ABOUT: b'{"format": "tcfit project", "version": 2}'}))
+def holding(name: str, content: bytes) -> Callable[[Path], Path]:
+    return lambda packed: rewritten(packed, lambda contents: contents.update({name: content}))
 
 
-def foreign(packed: Path) -> None:
-    rewritten(packed, lambda c: c.update({ABOUT: b'{"format": "other", "version": 1}'}))
-
-
-def unnamed(packed: Path) -> None:
-    rewritten(packed, lambda c: c.pop(ABOUT) and None)
-
-
-def no_database(packed: Path) -> None:
-    rewritten(packed, lambda c: c.pop("project.sqlite") and None)
-
-
-def other_database(packed: Path) -> None:
-    rewritten(packed, lambda c: c.update({"project.sqlite": b"SQLite format 3\0" + bytes(4080)}))
-
-
-def other_detections(packed: Path) -> None:
-    buffer = io.BytesIO()
-    rewritten(packed, lambda c: c.update({"detections.npz": buffer.getvalue()}))
+def without(name: str) -> Callable[[Path], Path]:
+    return lambda packed: rewritten(packed, lambda contents: contents.pop(name) and None)
 
 
 def _relink(connection: sqlite3.Connection, relative: str) -> None:
@@ -375,12 +357,12 @@ BAD = {
     "oversized": (oversized, "which is impossible"),
     "truncated": (truncated, "damaged"),
     "flipped": (flipped, "damaged"),
-    "newer": (newer, "update tcfit"),
-    "foreign": (foreign, "'other'"),
-    "unnamed": (unnamed, "not a packed project"),
-    "no database": (no_database, "not a tcfit project"),
-    "other database": (other_database, "database"),
-    "other detections": (other_detections, "changed after"),
+    "newer": (holding(ABOUT, b'{"format": "tcfit project", "version": 2}'), "update tcfit"),
+    "foreign": (holding(ABOUT, b'{"format": "other", "version": 1}'), "'other'"),
+    "unnamed": (without(ABOUT), "not a packed project"),
+    "no database": (without(database.NAME), "not a tcfit project"),
+    "other database": (holding(database.NAME, b"SQLite format 3\0" + bytes(4080)), "database"),
+    "other detections": (holding(clip.DETECTIONS, b""), "changed after"),
     "video above": (linked("media/../../secrets"), "its video has the invalid path 'media/../../secrets'"),
     "video above in Windows": (linked("media/..\\..\\secrets"), "its video has the invalid path"),
     "video is the project": (linked("media/.."), "its video has the invalid path"),
@@ -460,11 +442,6 @@ def test_too_little_space_is_told_before_anything_is_written(packed: Path, tmp_p
     with pytest.raises(InputError, match="GB"):
         unpack(packed, tmp_path / "x.tcfit")
     assert not (tmp_path / "x.tcfit").exists()
-
-
-def test_a_folder_that_holds_something_is_left_alone(packed: Path, project: Path):
-    with pytest.raises(InputError, match="is already a project"):
-        unpack(packed, project)
 
 
 def test_commands_take_a_packed_project(packed: Path, project: Path, tmp_path: Path, monkeypatch, capsys):

@@ -120,28 +120,6 @@ def test_a_run_of_an_earlier_version_opens(tmp_path: Path):
     assert_same_fit(read_run(tmp_path / "2.npz", CONFIG), before)
 
 
-def test_a_run_that_tells_of_too_few_frames_is_refused(tmp_path: Path):
-    fit = sample_fit(1)
-    write_run(tmp_path / "1.npz", fit)
-    arrays = dict(np.load(tmp_path / "1.npz", allow_pickle=False))
-    arrays["phase3_start"] = arrays["phase3_start"][1:]
-    np.savez(tmp_path / "2.npz", allow_pickle=False, **arrays)
-    with pytest.raises(InputError, match="phase3_start has the shape"):
-        read_run(tmp_path / "2.npz", CONFIG)
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "said"),
-    [("contacts", np.ones((2, 2), bool), "contacts has the shape"), ("gravity", np.zeros(3), "expected a unit vector")],
-)
-def test_a_run_with_a_damaged_ground_is_refused(tmp_path: Path, name: str, value: np.ndarray, said: str):
-    write_run(tmp_path / "1.npz", sample_fit(1))
-    arrays = dict(np.load(tmp_path / "1.npz", allow_pickle=False))
-    np.savez(tmp_path / "2.npz", allow_pickle=False, **(arrays | {name: value}))
-    with pytest.raises(InputError, match=said):
-        read_run(tmp_path / "2.npz", CONFIG)
-
-
 def test_phases_are_kept_while_a_run_goes_on(project: Project):
     run = started(project)
     for last in (1, 2):
@@ -238,14 +216,17 @@ def test_a_file_of_wrong_content_is_reported(tmp_path: Path):
     with np.load(tmp_path / "a.npz") as archive:
         arrays = dict(archive)
     changes = {
-        "phase2_betas": arrays["phase2_betas"][:, :9],
-        "observed": arrays["observed"][:3],
-        "phase3_objective": np.ones(7),
-        "about": np.array(str(arrays["about"]).replace("run 1", "run 2")),
+        "phase2_betas": (arrays["phase2_betas"][:, :9], "not a complete result"),
+        "observed": (arrays["observed"][:3], "not a complete result"),
+        "phase3_objective": (np.ones(7), "not a complete result"),
+        "about": (np.array(str(arrays["about"]).replace("run 1", "run 2")), "not a complete result"),
+        "phase3_start": (arrays["phase3_start"][1:], "phase3_start has the shape"),
+        "contacts": (np.ones((2, 2), bool), "contacts has the shape"),
+        "gravity": (np.zeros(3), "expected a unit vector"),
     }
-    for name, value in changes.items():
+    for name, (value, said) in changes.items():
         np.savez(tmp_path / "b.npz", **(arrays | {name: value}))
-        with pytest.raises(InputError, match="not a complete result"):
+        with pytest.raises(InputError, match=said):
             read_run(tmp_path / "b.npz", CONFIG)
     del arrays["phase1_jaw_pose"]
     np.savez(tmp_path / "b.npz", **arrays)

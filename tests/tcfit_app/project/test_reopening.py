@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import sqlite3
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,6 @@ from tcfit_app.cli.main import main, parse
 from tcfit_app.cli.review_command import opened
 from tcfit_app.project.packed import pack
 from tcfit_app.project.project import Project
-from tcfit_app.project.storage import database
 from tests.samples.project_samples import FRAMES, same_keypoints, sample_clip, sample_keypoints
 
 
@@ -46,8 +44,6 @@ def review(*arguments: Any) -> Project:
         return project
 
 
-_BEFORE_KINDS = 2
-"""Version of databases whose runs had no kind."""
 OPTIONS = {
     "--fov": ["90"],
     "--center": ["100", "200"],
@@ -157,18 +153,6 @@ def test_a_project_without_a_video_is_told_by_its_keypoints():
         review("--keypoints", keypoints("new/walk", seed=1))
     with pytest.raises(InputError, match="another clip than"):
         review(images("one"), "--keypoints", points)
-
-
-def test_a_project_of_an_older_tcfit_is_opened(capsys: pytest.CaptureFixture[str]):
-    video = images("one")
-    review(video)
-    with sqlite3.connect(Path("walk.tcfit", database.NAME)) as connection:
-        for column in ("runs.kind", "runs.moment", "runs.given", "clip.height", "marks.last_edit", "marks.last_moment"):
-            connection.execute("ALTER TABLE {} DROP COLUMN {}".format(*column.split(".")))
-        connection.execute("DROP TABLE review")
-        connection.execute(f"PRAGMA user_version = {_BEFORE_KINDS}")
-    connection.close()
-    assert review(video).folder.name == "walk.tcfit"
 
 
 @pytest.mark.parametrize("command", ["review", "new"])

@@ -69,114 +69,111 @@ def reviewed(folder: Path, server: viser.ViserServer) -> Iterator[ReviewApp]:
             server.gui.reset()
 
 
+@pytest.fixture
+def app(folder: Path, panel_server: viser.ViserServer) -> Iterator[ReviewApp]:
+    with reviewed(folder, panel_server) as made:
+        yield made
+
+
 def hello(app: ReviewApp, tab: str) -> None:
     app._receive(1, Hello(tab=tab, width=1000, height=700))
     app._obey(0.0)
 
 
-def test_each_person_counts_frames_from_the_own_first(folder: Path, panel_server: viser.ViserServer):
-    with reviewed(folder, panel_server) as app:
-        one, other = app.people
-        assert one.all_people == other.all_people == (one, other)
-        assert [one.frame_of(n) for n in (-1, 0, FRAMES - 1, FRAMES)] == [None, 0, FRAMES - 1, None]
-        assert [other.frame_of(n) for n in (LATE - 1, LATE)] == [None, 0]
+def test_each_person_counts_frames_from_the_own_first(app: ReviewApp):
+    one, other = app.people
+    assert one.all_people == other.all_people == (one, other)
+    assert [one.frame_of(n) for n in (-1, 0, FRAMES - 1, FRAMES)] == [None, 0, FRAMES - 1, None]
+    assert [other.frame_of(n) for n in (LATE - 1, LATE)] == [None, 0]
 
 
-def test_going_to_somebody_keeps_the_moment_and_the_looks_and_not_what_is_the_other_s(
-    folder: Path, panel_server: viser.ViserServer
-):
-    with reviewed(folder, panel_server) as app:
-        hello(app, "mine")
-        first = app.pages[1]
-        first.tab.set(frame=7, frames=range(6, 9), selection=(4,), opacity=0.3, plots=("depth",), playing=True)
-        first.receive(GoToPerson(1))
-        second = app.pages[1]
-        assert second is not first and second.tab.someone.name == "person 2"
-        state = second.tab.state
-        assert (state.frame, state.opacity, state.plots) == (7 - LATE, 0.3, ("depth",))
-        assert (state.frames, state.selection, state.playing, first.tab.state.playing) == (None, (), False, False)
-        second.tab.set(selection=(7,), opacity=0.5)
-        second.receive(GoToPerson(0))
-        assert app.pages[1] is first, "what was begun there goes on"
-        assert (first.tab.state.selection, first.tab.state.opacity) == ((4,), 0.5)
-        first.tab.seek(1)
-        first.receive(GoToPerson(1))
-        assert app.pages[1].tab.state.frame == 0, "as near as the other is there"
+def test_going_to_somebody_keeps_the_moment_and_the_looks_and_not_what_is_the_other_s(app: ReviewApp):
+    hello(app, "mine")
+    first = app.pages[1]
+    first.tab.set(frame=7, frames=range(6, 9), selection=(4,), opacity=0.3, plots=("depth",), playing=True)
+    first.receive(GoToPerson(1))
+    second = app.pages[1]
+    assert second is not first and second.tab.someone.name == "person 2"
+    state = second.tab.state
+    assert (state.frame, state.opacity, state.plots) == (7 - LATE, 0.3, ("depth",))
+    assert (state.frames, state.selection, state.playing, first.tab.state.playing) == (None, (), False, False)
+    second.tab.set(selection=(7,), opacity=0.5)
+    second.receive(GoToPerson(0))
+    assert app.pages[1] is first, "what was begun there goes on"
+    assert (first.tab.state.selection, first.tab.state.opacity) == ((4,), 0.5)
+    first.tab.seek(1)
+    first.receive(GoToPerson(1))
+    assert app.pages[1].tab.state.frame == 0, "as near as the other is there"
 
 
-def test_rows_that_a_browser_remembers_are_those_that_there_are(folder: Path, panel_server: viser.ViserServer):
-    with reviewed(folder, panel_server) as app:
-        usual = app.pages[1].tab.state.plots
-        app.pages[1].receive(Hello(tab="a", width=1000, height=700, plots=("depth", "gone", "depth", "reprojection")))
-        assert app.pages[1].tab.state.plots == ("depth", "reprojection")
-        app.pages[1].receive(Hello(tab="b", width=1000, height=700, plots=(*PLOTS,)))
-        assert app.pages[1].tab.state.plots == (*PLOTS,)[:MOST_ROWS] != usual
+def test_rows_that_a_browser_remembers_are_those_that_there_are(app: ReviewApp):
+    usual = app.pages[1].tab.state.plots
+    app.pages[1].receive(Hello(tab="a", width=1000, height=700, plots=("depth", "gone", "depth", "reprojection")))
+    assert app.pages[1].tab.state.plots == ("depth", "reprojection")
+    app.pages[1].receive(Hello(tab="b", width=1000, height=700, plots=(*PLOTS,)))
+    assert app.pages[1].tab.state.plots == (*PLOTS,)[:MOST_ROWS] != usual
 
 
-def test_what_to_do_first_is_told_once_and_not_with_every_person(folder: Path, panel_server: viser.ViserServer):
-    with reviewed(folder, panel_server) as app:
-        told = MagicMock()
-        app.pages[1].tab.channel.ask = told
-        app.pages[1].receive(Hello(tab="mine", width=1000, height=700, hinted=False))
-        for person in (1, 0, 1):
-            app.pages[1].receive(GoToPerson(person))
-            app.pages[1].draw(0.0)
-        assert [type(call.args[0]) for call in told.call_args_list] == [Hints]
-        app.pages[1].gestures.show_first_steps()
-        assert len(told.call_args_list) == 2
+def test_what_to_do_first_is_told_once_and_not_with_every_person(app: ReviewApp):
+    told = MagicMock()
+    app.pages[1].tab.channel.ask = told
+    app.pages[1].receive(Hello(tab="mine", width=1000, height=700, hinted=False))
+    for person in (1, 0, 1):
+        app.pages[1].receive(GoToPerson(person))
+        app.pages[1].draw(0.0)
+    assert [type(call.args[0]) for call in told.call_args_list] == [Hints]
+    app.pages[1].gestures.show_first_steps()
+    assert len(told.call_args_list) == 2
 
 
-def test_a_tab_that_is_loaded_again_shows_whom_it_has_shown(folder: Path, panel_server: viser.ViserServer):
-    with reviewed(folder, panel_server) as app:
-        hello(app, "mine")
-        app.pages[1].receive(GoToPerson(1))
-        client = app.pages[1].tab.client
-        app._close(1)
-        app._open(client)
-        assert app.pages[1].tab.someone.name == "person 1"
-        hello(app, "mine")
-        assert app.pages[1].tab.someone.name == "person 2"
-        app._close(1)
-        app._open(client)
-        hello(app, "another")
-        assert app.pages[1].tab.someone.name == "person 1"
+def test_a_tab_that_is_loaded_again_shows_whom_it_has_shown(app: ReviewApp):
+    hello(app, "mine")
+    app.pages[1].receive(GoToPerson(1))
+    client = app.pages[1].tab.client
+    app._close(1)
+    app._open(client)
+    assert app.pages[1].tab.someone.name == "person 1"
+    hello(app, "mine")
+    assert app.pages[1].tab.someone.name == "person 2"
+    app._close(1)
+    app._open(client)
+    hello(app, "another")
+    assert app.pages[1].tab.someone.name == "person 1"
 
 
-def test_whoever_is_not_there_cannot_be_gone_to(folder: Path, panel_server: viser.ViserServer):
-    with reviewed(folder, panel_server) as app:
-        hello(app, "mine")
-        page = app.pages[1]
-        for number in (2, 999):
-            page.receive(GoToPerson(number))
-        page.receive(GoToPerson(0))
-        assert app.pages[1] is page
+def test_whoever_is_not_there_cannot_be_gone_to(app: ReviewApp):
+    hello(app, "mine")
+    page = app.pages[1]
+    for number in (2, 999):
+        page.receive(GoToPerson(number))
+    page.receive(GoToPerson(0))
+    assert app.pages[1] is page
 
 
-def test_a_link_leads_to_its_person(folder: Path, panel_server: viser.ViserServer):
-    with reviewed(folder, panel_server) as app:
-        hello(app, "mine")
+def test_a_link_leads_to_its_person(app: ReviewApp):
+    hello(app, "mine")
 
-        def follow(link: OpenLink) -> list[str]:
-            """What is told."""
-            app.pages[1].tab.notify = MagicMock()
-            app.pages[1].tab.receive(link)
-            app._obey(0.0)
-            app._obey(0.0)
-            return [call.args[0].text for call in app.pages[1].tab.notify.call_args_list]
+    def follow(link: OpenLink) -> list[str]:
+        """What is told."""
+        app.pages[1].tab.notify = MagicMock()
+        app.pages[1].tab.receive(link)
+        app._obey(0.0)
+        app._obey(0.0)
+        return [call.args[0].text for call in app.pages[1].tab.notify.call_args_list]
 
-        def place() -> tuple[str, int]:
-            return app.pages[1].tab.someone.name, app.pages[1].tab.state.frame
+    def place() -> tuple[str, int]:
+        return app.pages[1].tab.someone.name, app.pages[1].tab.state.frame
 
-        assert follow(OpenLink(frame=6, run=1, phase=2, person=2)) == [] and place() == ("person 2", 6 - LATE)
-        assert app.pages[1].tab.state.b == FitChoice(run=1, phase=2)
-        assert app._first.remembered["mine"].b == FitChoice(), "the other's fit is what it was"
-        assert follow(OpenLink(frame=8)) == [] and place() == ("person 2", 8 - LATE), "whoever is shown"
-        assert follow(OpenLink(frame=1, person=1)) == [] and place() == ("person 1", 1)
-        for forged in (0, 3, 2**53):
-            (told,) = follow(OpenLink(frame=5, person=forged))
-            assert f"person {forged}; this clip has 1 (person 1), 2 (person 2)" in told and place() == ("person 1", 1)
-        (told,) = follow(OpenLink(frame=1, person=2))
-        assert "this clip has frames 4 to 11" in told
+    assert follow(OpenLink(frame=6, run=1, phase=2, person=2)) == [] and place() == ("person 2", 6 - LATE)
+    assert app.pages[1].tab.state.b == FitChoice(run=1, phase=2)
+    assert app._first.remembered["mine"].b == FitChoice(), "the other's fit is what it was"
+    assert follow(OpenLink(frame=8)) == [] and place() == ("person 2", 8 - LATE), "whoever is shown"
+    assert follow(OpenLink(frame=1, person=1)) == [] and place() == ("person 1", 1)
+    for forged in (0, 3, 2**53):
+        (told,) = follow(OpenLink(frame=5, person=forged))
+        assert f"person {forged}; this clip has 1 (person 1), 2 (person 2)" in told and place() == ("person 1", 1)
+    (told,) = follow(OpenLink(frame=1, person=2))
+    assert "this clip has frames 4 to 11" in told
 
 
 def test_a_link_means_the_same_person_where_another_cannot_be_opened(folder: Path, panel_server: viser.ViserServer):
@@ -194,13 +191,12 @@ def test_a_link_means_the_same_person_where_another_cannot_be_opened(folder: Pat
             ReviewedPerson(data=page.tab.data).person_with_number(2)
 
 
-def test_news_of_somebody_else_say_whose_they_are(folder: Path, panel_server: viser.ViserServer):
-    with reviewed(folder, panel_server) as app:
-        told: list[Notice] = []
-        app.pages[1].tab.notify = told.append  # pyright: ignore[reportAttributeAccessIssue]
-        for someone in app.people:
-            someone.session.tell(Notice(title="Fit everything: done", text="", kind="done"))
-        assert [notice.title for notice in told] == ["Fit everything: done", "person 2: Fit everything: done"]
+def test_news_of_somebody_else_say_whose_they_are(app: ReviewApp):
+    told: list[Notice] = []
+    app.pages[1].tab.notify = told.append  # pyright: ignore[reportAttributeAccessIssue]
+    for someone in app.people:
+        someone.session.tell(Notice(title="Fit everything: done", text="", kind="done"))
+    assert [notice.title for notice in told] == ["Fit everything: done", "person 2: Fit everything: done"]
 
 
 def test_all_locks_are_held_until_the_end(folder: Path):
@@ -280,41 +276,37 @@ def test_two_people_are_exchanged_from_a_frame_on_and_undone_together(folder: Pa
         assert np.array_equal(again.corrected.xy, kept), "as it was, after a restart"
 
 
-def test_what_was_exchanged_counts_as_detected_but_for_what_a_person_has_placed(
-    folder: Path, panel_server: viser.ViserServer
-):
+def test_what_was_exchanged_counts_as_detected_but_for_what_a_person_has_placed(app: ReviewApp):
     """Else the fit would trust a detector's points as a person's, and take no mixed-up sides back."""
-    with reviewed(folder, panel_server) as app:
-        one, other = (someone.session.project for someone in app.people)
-        one.append(MoveKeypoint(frames=(10,), joints=(4,), xy=(((100.0, 50.0),),)))
-        theirs = other.corrected.xy[10 - LATE, 7].copy()
-        exchanged(app, 9)
-        assert np.argwhere(other.corrected.edited).tolist() == [[10 - LATE, 4]] and not one.corrected.edited[9:].any()
-        assert np.allclose(one.detected.xy[10, 7], theirs, atol=1e-3)
-        one.append(MoveKeypoint(frames=(10,), joints=(7,), xy=(((1.0, 2.0),),)))
-        one.append(Reset(frames=(10,), joints=(7,)))
-        assert np.allclose(one.corrected.xy[10, 7], theirs, atol=1e-3), "not this one's own detection"
-        for _ in range(3):
-            one.undo()
-        assert np.array_equal(one.detected.xy, one.detections.xy)
+    one, other = (someone.session.project for someone in app.people)
+    one.append(MoveKeypoint(frames=(10,), joints=(4,), xy=(((100.0, 50.0),),)))
+    theirs = other.corrected.xy[10 - LATE, 7].copy()
+    exchanged(app, 9)
+    assert np.argwhere(other.corrected.edited).tolist() == [[10 - LATE, 4]] and not one.corrected.edited[9:].any()
+    assert np.allclose(one.detected.xy[10, 7], theirs, atol=1e-3)
+    one.append(MoveKeypoint(frames=(10,), joints=(7,), xy=(((1.0, 2.0),),)))
+    one.append(Reset(frames=(10,), joints=(7,)))
+    assert np.allclose(one.corrected.xy[10, 7], theirs, atol=1e-3), "not this one's own detection"
+    for _ in range(3):
+        one.undo()
+    assert np.array_equal(one.detected.xy, one.detections.xy)
 
 
-def test_an_exchange_is_not_undone_in_one_while_the_other_was_corrected(folder: Path, panel_server: viser.ViserServer):
-    with reviewed(folder, panel_server) as app:
-        hello(app, "mine")
-        one, other = (someone.session.project for someone in app.people)
-        correcting = app.pages[1].gestures.correcting
-        exchanged(app, 9)
-        other.append(MarkBad(frames=(6,), joints=(4,)))
-        with pytest.raises(InputError, match="person 2 has been corrected or marked since"):
-            correcting.undo()
-        assert len(one.log) == 1
-        other.undo()
+def test_an_exchange_is_not_undone_in_one_while_the_other_was_corrected(app: ReviewApp):
+    hello(app, "mine")
+    one, other = (someone.session.project for someone in app.people)
+    correcting = app.pages[1].gestures.correcting
+    exchanged(app, 9)
+    other.append(MarkBad(frames=(6,), joints=(4,)))
+    with pytest.raises(InputError, match="person 2 has been corrected or marked since"):
         correcting.undo()
-        other.append(MarkBad(frames=(6,), joints=(4,)))
-        with pytest.raises(InputError, match="person 2 has been corrected or marked since"):
-            correcting.redo()
-        assert len(one.log) == 2
+    assert len(one.log) == 1
+    other.undo()
+    correcting.undo()
+    other.append(MarkBad(frames=(6,), joints=(4,)))
+    with pytest.raises(InputError, match="person 2 has been corrected or marked since"):
+        correcting.redo()
+    assert len(one.log) == 2
 
 
 def test_half_an_exchange_is_told_where_more_was_done_after_it(folder: Path, panel_server: viser.ViserServer):
@@ -424,43 +416,39 @@ def test_what_is_uncertain_later_goes_with_whom_it_is_about(folder: Path, panel_
         assert [someone.uncertain for someone in app.people] == [((6, 7),), ((5, 7),)]
 
 
-def test_nothing_is_exchanged_where_one_of_them_is_not_or_may_not_be_changed(
-    folder: Path, panel_server: viser.ViserServer
-):
-    with reviewed(folder, panel_server) as app:
-        with pytest.raises(InputError, match="are not both there from frame 12 on"):
-            exchanged(app, FRAMES)
-        app.people[1].session.project._lock, held = None, app.people[1].session.project._lock
-        try:
-            with pytest.raises(InputError, match="read-only"):
-                exchanged(app, 9)
-        finally:
-            app.people[1].session.project._lock = held
-        assert not app.people[0].session.project.log
+def test_nothing_is_exchanged_where_one_of_them_is_not_or_may_not_be_changed(app: ReviewApp):
+    with pytest.raises(InputError, match="are not both there from frame 12 on"):
+        exchanged(app, FRAMES)
+    app.people[1].session.project._lock, held = None, app.people[1].session.project._lock
+    try:
+        with pytest.raises(InputError, match="read-only"):
+            exchanged(app, 9)
+    finally:
+        app.people[1].session.project._lock = held
+    assert not app.people[0].session.project.log
 
 
-def test_what_is_right_is_uncertain_no_more(folder: Path, panel_server: viser.ViserServer):
-    with reviewed(folder, panel_server) as app:
-        hello(app, "mine")
-        app.pages[1].receive(GoToPerson(1))
-        page = app.pages[1]
-        page.draw(0.0)
-        panel = next(panel for panel in page.panels if isinstance(panel, ReviewPanel))
-        page.tab.look()
-        panel.draw()
-        page.receive(Press("people.go", "0"))
-        assert page.tab.state.frames == range(9 - LATE, FRAMES - LATE) and page.tab.state.frame == 9 - LATE
-        page.receive(Press("people.right", "0"))
-        assert page.tab.someone.uncertain == () and read_people_file(folder).people[1].uncertain == ()
-        panel.draw()
-        assert not page.tab.buttons.find("people.go", "0")
-        page.receive(Press("people.exchange", "0"))
-        assert [entry.action.source for entry in page.tab.session.project.log] == ["person 1"]
-        assert page.tab.session.project.log[0].action.frames == tuple(range(9 - LATE, FRAMES - LATE))
-        page.receive(Press("people.exchange", "7"))
-        page.receive(Press("people.exchange", "1"))
-        page.receive(Press("people.go", "5"))
-        assert len(page.tab.session.project.log) == 1
+def test_what_is_right_is_uncertain_no_more(app: ReviewApp, folder: Path):
+    hello(app, "mine")
+    app.pages[1].receive(GoToPerson(1))
+    page = app.pages[1]
+    page.draw(0.0)
+    panel = next(panel for panel in page.panels if isinstance(panel, ReviewPanel))
+    page.tab.look()
+    panel.draw()
+    page.receive(Press("people.go", "0"))
+    assert page.tab.state.frames == range(9 - LATE, FRAMES - LATE) and page.tab.state.frame == 9 - LATE
+    page.receive(Press("people.right", "0"))
+    assert page.tab.someone.uncertain == () and read_people_file(folder).people[1].uncertain == ()
+    panel.draw()
+    assert not page.tab.buttons.find("people.go", "0")
+    page.receive(Press("people.exchange", "0"))
+    assert [entry.action.source for entry in page.tab.session.project.log] == ["person 1"]
+    assert page.tab.session.project.log[0].action.frames == tuple(range(9 - LATE, FRAMES - LATE))
+    page.receive(Press("people.exchange", "7"))
+    page.receive(Press("people.exchange", "1"))
+    page.receive(Press("people.go", "5"))
+    assert len(page.tab.session.project.log) == 1
 
 
 def taken(xy: np.ndarray, confidence: np.ndarray) -> bytes:
@@ -486,8 +474,3 @@ def test_keypoints_that_make_no_sense_are_not_taken_over(changes: dict[str, Any]
     check(edit, 6)
     with pytest.raises(InputError, match=told):
         check(msgspec.structs.replace(edit, **changes), 6)
-
-
-def test_the_second_person_may_be_the_first_at_the_end(talk: Path):
-    assert [person.uncertain for person in read_people_file(talk).people] == [(), ((9, FRAMES - 1),)]
-    assert np.all([len(person.frames) == 2 for person in read_people_file(talk).people])

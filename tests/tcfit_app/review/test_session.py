@@ -1,5 +1,6 @@
 """A session: what edits, fits and drags do to a project, and what is shown of them meanwhile."""
 
+import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -39,23 +40,9 @@ from tests.samples.sessions import FRAMES, PATIENCE, QUICK, held, idle, newest, 
 WRIST = kp.INDEX["right_wrist"]
 
 
-@pytest.fixture(scope="module")
-def fitted(tiny_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A project with one whole fit; not to be changed."""
-    folder = tmp_path_factory.mktemp("fitted") / "walk.tcfit"
-    Project.create(folder, small_clip(tiny_body)).close()
-    with session_of(folder, tiny_body) as session:
-        session.fit_everything(QUICK, kind="smplx", gender="neutral")
-        idle(session)
-        assert session.fits.runs[0].state == "finished"
-    return folder
-
-
 @pytest.fixture
-def folder(fitted: Path, tmp_path: Path) -> Path:
-    import shutil
-
-    return Path(shutil.copytree(fitted, tmp_path / "walk.tcfit"))
+def folder(fitted_walk: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(fitted_walk, tmp_path / "walk.tcfit"))
 
 
 @pytest.fixture
@@ -144,25 +131,6 @@ def test_a_fit_that_ends_in_its_first_phase_leaves_the_one_before_on_show(
     after = session.fits.run(run.id)
     assert after is not None and after.state == "failed" and after not in session.fits.showable()
     assert newest(session).run.id == before.run.id and newest(session).has(0)
-
-
-def test_windows_appear_as_they_finish(session: Session):
-    config = replace(QUICK, temporal=replace(QUICK.temporal, mode="sliding_window", window_size=3, weight=1e4))
-    before = newest(session)
-    session.fit_everything(config, kind="smplx", gender="neutral")
-    seen: list[Shown] = []
-
-    def look() -> bool:
-        shown = newest(session)
-        if shown.result is None and shown.phase == 3:
-            seen.append(shown)
-        return not session.jobs
-
-    until(session, look)
-    assert seen and all(shown.run.id != before.run.id for shown in seen)
-    final = newest(session)
-    first_window = seen[-1].params.body_pose[0]
-    assert torch.equal(first_window, final.params.body_pose[0])
 
 
 def test_a_rerun_is_a_run_of_its_own_with_its_parent(session: Session):
@@ -719,18 +687,6 @@ def test_news_that_cannot_be_taken_up_leave_the_others(session: Session, monkeyp
     assert [notice.kind for notice in told(session)] == ["error"] and "no such drag" in told(session)[0].text
 
 
-def test_runs_are_renamed_deleted_and_restored(session: Session):
-    before = newest(session)
-    session.project.runs.rename(before.run.id, "first")
-    assert newest(session).run.name == "first"
-    session.delete(before.run.id)
-    assert session.fits.show(FitChoice()) is None and session.fits.show(FitChoice(run=before.run.id)) is None
-    session.project.runs.undelete(before.run.id)
-    assert newest(session).run.id == before.run.id
-    session.delete(before.run.id)
-    assert len(session.project.runs.purge()) == 1 and not session.fits.runs
-
-
 def test_everything_is_there_after_a_restart(folder: Path, tiny_body: BodyModel):
     with session_of(folder, tiny_body) as session:
         drag(session, newest(session), 25.0)
@@ -759,11 +715,6 @@ def test_read_only(folder: Path, tiny_body: BodyModel):
             with pytest.raises(InputError):
                 command()
         assert not session.jobs and not session.project.keypoints_version
-
-
-def test_without_a_body_model_the_user_is_told(folder: Path):
-    with session_of(folder, None) as session, pytest.raises(InputError, match="There is no neutral smplx body"):
-        session.fit_everything(QUICK, kind="smplx", gender="neutral")
 
 
 def test_frames_around():
@@ -800,13 +751,6 @@ def test_closing_leaves_what_has_ended_by_itself_as_it_ended(
     assert [runs.get(run.id).state for run in (fitted, failed)] == ["finished", "failed"]
     assert "nowhere" in runs.get(failed.id).message
     assert not any("cannot be written" in notice.title for notice in told(session))
-
-
-def test_a_closing_session_does_not_hang(session: Session):
-    session.fit_everything(QUICK, kind="smplx", gender="neutral")
-    start = time.monotonic()
-    session.close()
-    assert time.monotonic() - start < 20
 
 
 def test_what_goes_on_from_a_fit_with_a_start_has_the_same_evidence(

@@ -1,5 +1,6 @@
 """Undo brings the fit back that was on show before the edit, bit for bit; and redo the one after it."""
 
+import shutil
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
@@ -22,28 +23,15 @@ from tcfit_app.project.storage.run_files import write_run
 from tcfit_app.review.session.session import Session
 from tests.samples.project_samples import FRAMES as EDITED
 from tests.samples.project_samples import assert_same_fit, random_edit
-from tests.samples.sessions import FRAMES, QUICK, held, idle, newest, session_of, small_clip, told, until
+from tests.samples.sessions import FRAMES, QUICK, held, idle, newest, session_of, told, until
 
 WRIST = kp.INDEX["right_wrist"]
 
 
-@pytest.fixture(scope="module")
-def fitted(tiny_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A project with one whole fit; not to be changed."""
-    folder = tmp_path_factory.mktemp("fitted") / "walk.tcfit"
-    Project.create(folder, small_clip(tiny_body)).close()
-    with session_of(folder, tiny_body) as session:
-        session.fit_everything(QUICK, kind="smplx", gender="neutral")
-        idle(session)
-    return folder
-
-
 @pytest.fixture
-def folder(fitted: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    import shutil
-
+def folder(fitted_walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(edit_follower, "SETTLING", 0.0)
-    return Path(shutil.copytree(fitted, tmp_path / "walk.tcfit"))
+    return Path(shutil.copytree(fitted_walk, tmp_path / "walk.tcfit"))
 
 
 @pytest.fixture

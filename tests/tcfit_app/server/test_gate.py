@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 from pathlib import Path
 from typing import TYPE_CHECKING
-from urllib.request import HTTPCookieProcessor, ProxyHandler, build_opener
 
 import pytest
 import viser
@@ -464,15 +463,6 @@ def test_two_servers_do_not_share_their_visitors(server: ReviewServer, cookie: s
             with open_websocket(one, Cookie=both) as client:
                 assert client.recv(timeout=10)
     assert get(server, HOME, Cookie=cookie).status == 200
-
-
-def test_a_browser_that_is_let_in_by_two_servers_of_a_host_stays_in_both():
-    browser = build_opener(HTTPCookieProcessor(), ProxyHandler({}))
-    with serve() as one, serve() as other:
-        for server in (one, other):
-            browser.open(server.gate.link)
-        for server in (one, other):
-            assert browser.open(server.address.url).status == 200
 
 
 def test_other_software_on_websockets_is_left_alone(server: ReviewServer):

@@ -165,6 +165,7 @@ OF_NOBODY = [
     {"type": "GuiFormSubmitMessage", "uuid": "a"},
     {"type": "GuiButtonHoldMessage", "uuid": "a", "frequency": 1.0},
     {"type": "ShareUrlRequest"},
+    {"type": "ShareUrlDisconnect"},
     {"type": "RunJavascriptMessage", "source": "alert(1)"},
     {"type": "Message"},
     {**UPDATE, "updates": {}},
@@ -301,16 +302,6 @@ def test_a_command_is_triggered(tried: Tried):
     tried.tab.send({"type": "CommandTriggerMessage", "uuid": "forged"})
     tried.tab.until(lambda: done)
     assert done == [client.client_id]
-
-
-def test_the_share_tunnel_stays_closed(tried: Tried, monkeypatch: pytest.MonkeyPatch):
-    asked: list[str] = []
-    monkeypatch.setattr(viser.ViserServer, "request_share_url", lambda self: asked.append("request"))
-    monkeypatch.setattr(viser.ViserServer, "disconnect_share_url", lambda self: asked.append("disconnect"))
-    for kind in ("ShareUrlRequest", "ShareUrlDisconnect"):
-        tried.tab.send({"type": kind})
-    tried.settle()
-    assert not asked
 
 
 def test_a_camera_that_looks_nowhere_is_none(tried: Tried):
