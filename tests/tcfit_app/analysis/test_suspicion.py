@@ -330,33 +330,33 @@ def test_a_region_that_is_rarely_seen_is_not_missed(fine: PosedFit):
     assert queue_of(with_confidence(fine, slice(0, 32), kp.HANDS, 0.0), kinds=["confidence"]) == ()
 
 
+def swapped(places: np.ndarray, pair: str, frames: slice) -> np.ndarray:
+    """Points with left and right of a pair exchanged in some frames."""
+    left, right, others = PAIRED[pair]
+    one, other = [*left, *others[0]], [*right, *others[1]]
+    places = places.copy()
+    places[frames, one + other] = places[frames, other + one]
+    return places
+
+
 @pytest.mark.parametrize("pair", PAIRED)
 def test_swapped_sides_are_the_cause_that_is_told(fine: PosedFit, pair: str):
     left, right, others = PAIRED[pair]
-    one, other = [*left, *others[0]], [*right, *others[1]]
-    xy = fine.clip.keypoints.xy.copy()
-    frames = np.arange(18, 22)
-    xy[np.ix_(frames, one + other)] = xy[np.ix_(frames, other + one)]
+    xy = swapped(fine.clip.keypoints.xy, pair, slice(18, 22))
     fit = displaced(with_keypoints(fine, xy=xy), 30, "nose", (20.0, 10.0))
     first, second = review_queue(findings(fit)).left
     assert first.frame == 30, "what the fit has put right is not as bad as what is off"
     assert (
         second.reason == f"left and right of the {pair} were swapped, which the fit has corrected" and second.score == 1
     )
-    assert second.kind == "swap" and set(second.joints) == {*one, *other}
+    assert second.kind == "swap" and set(second.joints) == {*left, *right, *others[0], *others[1]}
     assert second.frames == range(18, 22) and second.also == ()
 
 
 @pytest.mark.parametrize("pair", PAIRED)
 def test_a_fit_that_followed_swapped_sides(fine: PosedFit, pair: str):
-    left, right, others = PAIRED[pair]
-    one, other = [*left, *others[0]], [*right, *others[1]]
-    fitted = fine.projected.copy()
-    fitted[18:22, one + other] = fitted[18:22, other + one]
-    xy = fine.clip.keypoints.xy.copy()
-    xy[18:22, one + other] = xy[18:22, other + one]
-    fit = with_keypoints(fine, xy=xy)
-    with patch.object(PosedFit, "projected", fitted):
+    fit = with_keypoints(fine, xy=swapped(fine.clip.keypoints.xy, pair, slice(18, 22)))
+    with patch.object(PosedFit, "projected", swapped(fine.projected, pair, slice(18, 22))):
         (first,) = queue_of(fit, kinds=["swap", "reprojection"])
     assert (
         first.reason == f"left and right of the {pair} may be swapped"
@@ -366,10 +366,7 @@ def test_a_fit_that_followed_swapped_sides(fine: PosedFit, pair: str):
 
 
 def test_a_clip_that_is_swapped_throughout_is_seen_from_the_fit(fine: PosedFit):
-    left, right, others = PAIRED["arms"]
-    one, other = [*left, *others[0]], [*right, *others[1]]
-    xy = fine.clip.keypoints.xy.copy()
-    xy[:, one + other] = xy[:, other + one]
+    xy = swapped(fine.clip.keypoints.xy, "arms", slice(None))
     assert queue_of(with_keypoints(fine, xy=xy), kinds=["swap"])[0].frames == range(len(fine))
 
 

@@ -13,7 +13,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.files.npz import write_npz
 from fitting_core.io.result_files import read_fit
 from tcfit_app.cli.ending import INPUT_ERROR
-from tcfit_app.cli.main import main, parse
+from tcfit_app.cli.main import main
 from tcfit_app.fitting import process_queue
 from tcfit_app.home.catalogue import Catalogue
 from tests.drivers.processes import needs_fork
@@ -117,16 +117,6 @@ def test_nothing_is_started_if_a_file_is_missing(tmp_path: Path, free_body: Body
     assert batch(tmp_path, "--jobs", "0") == INPUT_ERROR and batch(tmp_path, "--device", "cuda:9") == INPUT_ERROR
 
 
-def test_clips_differ_by_their_cells(tmp_path: Path, free_body: BodyModel):
-    write_clip(tmp_path / "k", free_body, frames=4)
-    rows = [{"keypoints": "k", "out": "a"}, {"keypoints": "k", "out": "b", "first_frame": "2", "focal_length": "500"}]
-    write_list(tmp_path, rows)
-    assert batch(tmp_path) == 0
-    a, b = read_fit(tmp_path / "a"), read_fit(tmp_path / "b")
-    assert (len(a.joints), len(b.joints), b.first_frame) == (4, 2, 2)
-    assert (a.camera.focal, b.camera.focal) == ((800.0, 800.0), (500.0, 500.0))
-
-
 def _camera(path: Path, version: int) -> None:
     camera = {"K": np.array([[800.0, 0, 320], [0, 800, 240], [0, 0, 1]]), "size": np.array([640, 480])}
     write_npz(path, camera | ({"dist": np.array([-0.1, 0, 0, 0])} if version else {}))
@@ -190,12 +180,6 @@ def test_error_in_a_clip_is_its_failure(
     assert batch(tmp_path) == 1
     assert rows_of(tmp_path)["fits/c000"]["reason"] == reason
     assert ("in failing" in capfd.readouterr().err) is isinstance(error, Exception)
-
-
-def test_options_of_ray():
-    assert parse(["batch", "c.csv"]).ray is None
-    assert parse(["batch", "c.csv", "--ray"]).ray == ()
-    assert parse(["batch", "c.csv", "--ray", "local"]).ray == ("local",)
 
 
 @pytest.mark.parametrize("address", [[], ["127.0.0.1:1"], ["ray://127.0.0.1:1"]])

@@ -108,13 +108,6 @@ def test_what_is_done_does_not_need_its_detector(
     assert said.count("tcfit models add mediapipe") == 1 and "line 2, column detector: " in said
 
 
-def test_nobody_in_a_video_is_that_clips_failure(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys):
-    nobody = FakeDetector(lambda frame: np.zeros((0, 137, 3)))
-    monkeypatch.setitem(DETECTORS, "mediapipe", known(nobody))
-    assert batch(folder) == 1 and states_of(folder) == ["failed", "failed", "done"]
-    assert "fake found nobody in any of the 3 frames of" in capsys.readouterr().out
-
-
 def test_long_video_is_fitted_in_parts(folder: Path, capsys: pytest.CaptureFixture[str]):
     write_list(folder, [{"video": "a.avi", "out": "fits/a", "frame_rate": "0.2", "part_minutes": "0.1"}])
     assert batch(folder) == 0

@@ -21,6 +21,7 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.camera import World, path_of
+from fitting_core.clip import Clip
 from fitting_core.clips.reading import read_clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.io.keypoints.openpose import write_openpose
@@ -28,6 +29,7 @@ from fitting_core.io.result_files import read_fit, write_result
 from fitting_core.keypoints import INDEX
 from fitting_core.motion import AXES, rest_joints
 from fitting_core.priors.pose import make_prior
+from fitting_core.results.fit_result import FitResult
 from tcfit_app.cli.main import main
 from tcfit_app.exports.exporting import _replacing_folder, file_name, write_export
 from tcfit_app.exports.source import ExportSource
@@ -127,6 +129,13 @@ def test_smplifyx_pickles_hold_the_latent_pose_of_the_prior_in_use(free_body: Bo
             np.testing.assert_allclose(decoded, read["body_pose"], atol=0.1)
 
 
+def write_both(folder: Path, clip: Clip, fit: FitResult, body: BodyModel) -> None:
+    """A project and a result of the same fit."""
+    with Project.create(folder / "walk.tcfit", clip) as made:
+        made.runs.finish(made.runs.start(CONFIG, body=record_of(body), edits_seen=0).id, fit)
+    write_result(folder / "result", fit, clip, body)
+
+
 @pytest.mark.parametrize("moves", [False, True])
 @pytest.mark.parametrize("axes", [["--axes", "world"], []])
 def test_a_calibrated_camera_s_motion_stands_in_its_world(
@@ -140,9 +149,7 @@ def test_a_calibrated_camera_s_motion_stands_in_its_world(
     path = path_of(turns, np.linspace(0, 1, FRAMES)[:, None] * [0.4, 0.1, -0.3]) if moves else None
     clip = replace(clip, camera=replace(clip.camera, world=world, path=path))
     fit = replace(waving_fit(0.0), camera=clip.camera)
-    with Project.create(tmp_path / "walk.tcfit", clip) as made:
-        made.runs.finish(made.runs.start(CONFIG, body=record_of(free_body), edits_seen=0).id, fit)
-    write_result(tmp_path / "result", fit, clip, free_body)
+    write_both(tmp_path, clip, fit, free_body)
     pelvises = joints_in_space(free_body, fit.last.params)[:, 0]
     if path is not None:
         pelvises = np.einsum("tji,tj->ti", turns, pelvises - np.array(path.translation))
@@ -161,9 +168,7 @@ def test_a_calibrated_camera_s_motion_stands_in_its_world(
 @pytest.mark.parametrize("source", ["walk.tcfit", "result"])
 def test_axes_of_a_world_that_nobody_told(free_body: BodyModel, tmp_path: Path, source: str, capsys):
     fit, clip = waving_fit(0.0), sample_clip(FRAMES)
-    with Project.create(tmp_path / "walk.tcfit", clip) as made:
-        made.runs.finish(made.runs.start(CONFIG, body=record_of(free_body), edits_seen=0).id, fit)
-    write_result(tmp_path / "result", fit, clip, free_body)
+    write_both(tmp_path, clip, fit, free_body)
     wished = ["export", str(tmp_path / source), "--formats", "npz", "--axes", "world", "--out", str(tmp_path / "out")]
     assert main(wished) == 2 and "--camera" in capsys.readouterr().err
     assert not [path for path in (tmp_path / "out").rglob("*") if path.is_file()]
@@ -172,9 +177,7 @@ def test_axes_of_a_world_that_nobody_told(free_body: BodyModel, tmp_path: Path, 
 def test_a_known_floor_is_at_height_0_whatever_frames_are_exported(free_body: BodyModel, tmp_path: Path):
     known, clip = sample_grounding(1, FRAMES), sample_clip(FRAMES)
     fit = replace(waving_fit(0.0), grounding=known)
-    with Project.create(tmp_path / "walk.tcfit", clip) as made:
-        made.runs.finish(made.runs.start(CONFIG, body=record_of(free_body), edits_seen=0).id, fit)
-    write_result(tmp_path / "result", fit, clip, free_body)
+    write_both(tmp_path, clip, fit, free_body)
     assert known.ground is not None
     heights = known.ground.height(joints_in_space(free_body, fit.last.params)[:, 0])
     for source, frames in (("walk.tcfit", slice(0, 3)), ("result", slice(None))):

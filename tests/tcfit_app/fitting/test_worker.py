@@ -282,65 +282,66 @@ def test_one_job_of_several_is_cancelled(worker: Worker, reader: Reader):
     assert second.done == 0 and [e.job for e in reader.of(JobCancelled)] == [numbers[1]]
 
 
-def test_a_drag_holds_a_job_between_iterations_and_does_not_count(
-    worker: Worker, reader: Reader, kept: Kept, clip: Clip, tiny_body: BodyModel, result: FitResult
-):
-    job, begin = Counting(steps=10**6, seconds=0.001), time.perf_counter()
+@pytest.fixture
+def correction(clip: Clip, tiny_body: BodyModel, result: FitResult) -> Correction:
+    """Of the right wrist in frame 3."""
+    params = result.last.params
+    return Correction(clip=clip, body=tiny_body, config=CONVERGED, params=params, frame=3, keypoints=(WRIST,), reach=1)
+
+
+@pytest.fixture
+def start(clip: Clip) -> np.ndarray:
+    """Where that wrist is."""
+    return clip.keypoints.xy[3, [WRIST]]
+
+
+@pytest.fixture
+def long_job(worker: Worker) -> Counting:
+    """It has begun."""
+    job = Counting(steps=10**6, seconds=0.001)
     worker.submit(opened(job))
     until(lambda: job.done > 2)
-    drag = worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]], kept.keep_drag)
-    until(lambda: reader.look().moved)
-    held = job.done
-    time.sleep(0.3)
-    assert job.done == held
-    drag.abandon()
-    until(lambda: job.done > held)
-    reader.reports.clear()
-    (last, *_) = reader.wait(JobReported)
-    assert 0 < last.worked < time.perf_counter() - begin - 0.3
-    worker.cancel()
-    reader.wait(JobCancelled)
-
-
-def drag_of(clip: Clip, body: BodyModel, params: BodyParams) -> Correction:
-    return Correction(clip=clip, body=body, config=CONVERGED, params=params, frame=3, keypoints=(WRIST,), reach=1)
+    return job
 
 
 def test_a_long_job_waits_for_a_drag_and_goes_on(
-    worker: Worker, reader: Reader, kept: Kept, clip: Clip, tiny_body: BodyModel, result: FitResult
+    worker: Worker, reader: Reader, kept: Kept, long_job: Counting, correction: Correction, start: np.ndarray
 ):
-    job = Counting(steps=10**6, seconds=0.001)
-    worker.submit(opened(job))
-    until(lambda: job.done > 2)
-    c = drag_of(clip, tiny_body, result.last.params)
-    start = clip.keypoints.xy[3, [WRIST]]
+    """The time that it waits does not count as worked."""
+    begin, c = time.perf_counter(), correction
     drag = worker.drag(c, start, kept.keep_drag)
     until(lambda: reader.look().moved)
-    held = job.done
+    held = long_job.done
     for step in range(20):
         drag.move(start + 2.0 * step)
-        time.sleep(0.01)
-    assert job.done == held
+        time.sleep(0.015)
+    assert long_job.done == held
     drag.release()
     assert len(reader.wait(DragFinished)) == 1
     assert len(kept.results) == 1 and kept.results[0][0] == c and c.frames == range(2, 5)
-    plain = finished(rerun_events(c.edited(start + 38.0), tiny_body, c.converging, c.params, c.frames)).params
+    plain = finished(rerun_events(c.edited(start + 38.0), c.body, c.converging, c.params, c.frames)).params
     assert not same(plain, c.params) and torch.allclose(kept.last.body_pose, plain.body_pose, atol=0.02)
-    until(lambda: job.done > held)
+    until(lambda: long_job.done > held)
     assert {m.drag for m in reader.moved} == {drag.number} and not reader.of(JobEnded)
+    reader.reports.clear()
+    (last, *_) = reader.wait(JobReported)
+    assert 0 < last.worked < time.perf_counter() - begin - 0.3
 
 
 def test_a_resting_pointer_lets_the_job_go_on(
-    worker: Worker, reader: Reader, kept: Kept, clip: Clip, tiny_body: BodyModel, result: FitResult, monkeypatch
+    worker: Worker,
+    reader: Reader,
+    kept: Kept,
+    long_job: Counting,
+    correction: Correction,
+    start: np.ndarray,
+    monkeypatch: pytest.MonkeyPatch,
 ):
     monkeypatch.setattr(worker_module, "LINGER", 0.05)
-    job = Counting(steps=10**6, seconds=0.001)
-    worker.submit(opened(job))
-    start = clip.keypoints.xy[3, [WRIST]]
-    drag = worker.drag(drag_of(clip, tiny_body, result.last.params), start, kept.keep_drag)
+    drag = worker.drag(correction, start, kept.keep_drag)
     until(lambda: reader.look().moved)
-    held = job.done
-    until(lambda: job.done > held + 3)
+    held = long_job.done
+    until(lambda: long_job.done > held + 3)
     drag.move(start + 10)
     count = len(reader.moved)
     until(lambda: len(reader.look().moved) > count)
@@ -353,8 +354,8 @@ def test_drags_of_several_people_are_followed_in_turn(
     reader: Reader,
     kept: Kept,
     clip: Clip,
-    tiny_body: BodyModel,
-    result: FitResult,
+    correction: Correction,
+    start: np.ndarray,
     monkeypatch: pytest.MonkeyPatch,
 ):
     """Both pointers go on moving; then one rests, which holds jobs for a while but nobody's drag."""
@@ -373,14 +374,14 @@ def test_drags_of_several_people_are_followed_in_turn(
 
     monkeypatch.setattr(LiveCorrection, "resolve", moving_on)
     for frame in (1, 4):
-        correction = replace(drag_of(clip, tiny_body, result.last.params), frame=frame)
-        drags[frame] = worker.drag(correction, clip.keypoints.xy[frame, [WRIST]], kept.keep_drag)
+        own = replace(correction, frame=frame)
+        drags[frame] = worker.drag(own, clip.keypoints.xy[frame, [WRIST]], kept.keep_drag)
         until(lambda frame=frame: order.count(frame) > 5)
     both = order[order.index(4) :]
     assert abs(both.count(1) - both.count(4)) <= 1
     resting = True
     until(lambda: all(drag.live is not None and drag.live.settled for drag in drags.values()))
-    third = worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]], kept.keep_drag)
+    third = worker.drag(correction, start, kept.keep_drag)
     until(lambda: third.number in {moved.drag for moved in reader.look().moved})
     for drag in (*drags.values(), third):
         drag.abandon()
@@ -388,64 +389,47 @@ def test_drags_of_several_people_are_followed_in_turn(
 
 
 def test_only_the_newest_move_counts(
-    worker: Worker, reader: Reader, kept: Kept, clip: Clip, tiny_body: BodyModel, result: FitResult
+    worker: Worker, reader: Reader, kept: Kept, correction: Correction, start: np.ndarray
 ):
-    """The worker is held up while hundreds of moves come: it takes the last of them."""
-    job = Counting(steps=1)
+    """The worker is held up while hundreds of moves come: it takes the last of them. Drags go before jobs that wait."""
+    job, c = Counting(steps=1), correction
     worker.submit(job)
+    waiting = worker.submit(opened(Counting()))
     until(lambda: job.waiting)
-    c = drag_of(clip, tiny_body, result.last.params)
-    drag = worker.drag(c, clip.keypoints.xy[3, [WRIST]], kept.keep_drag)
+    drag = worker.drag(c, start, kept.keep_drag)
     for step in range(300):
-        drag.move(clip.keypoints.xy[3, [WRIST]] + 0.1 * step)
+        drag.move(start + 0.1 * step)
     drag.release()
     job.gate.set()
-    assert len(reader.wait(DragFinished)) == 1
-    target = c.edited(clip.keypoints.xy[3, [WRIST]] + 0.1 * 299)
-    plain = finished(rerun_events(target, tiny_body, c.converging, c.params, c.frames)).params
+    reader.wait(JobFinished, count=2)
+    order = [type(r) for r in reader.reports if r in reader.of(DragFinished) or r == JobStarted(job=waiting)]
+    assert order == [DragEnded, JobStarted]
+    plain = finished(rerun_events(c.edited(start + 0.1 * 299), c.body, c.converging, c.params, c.frames)).params
     (released,) = [found for what, found in kept.results if what == c]
     assert torch.allclose(released.body_pose, plain.body_pose, atol=1e-6) and not reader.moved
 
 
 def test_a_drag_that_fails_leaves_job_and_worker(
-    worker: Worker, reader: Reader, kept: Kept, clip: Clip, tiny_body: BodyModel, result: FitResult
+    worker: Worker, reader: Reader, kept: Kept, long_job: Counting, correction: Correction, start: np.ndarray
 ):
-    job = Counting(steps=10**6, seconds=0.001)
-    worker.submit(opened(job))
-    start = clip.keypoints.xy[3, [WRIST]]
-    drag = worker.drag(drag_of(clip, tiny_body, result.last.params), start, kept.keep_drag)
+    drag = worker.drag(correction, start, kept.keep_drag)
     until(lambda: reader.look().moved)
     drag.move(np.array([[np.nan, 0.0]]))
     assert reader.wait(DragFailed)[0].drag == drag.number
-    held = job.done
-    until(lambda: job.done > held)
-    worker.drag(drag_of(clip, tiny_body, result.last.params), start, kept.keep_drag).release()
+    held = long_job.done
+    until(lambda: long_job.done > held)
+    worker.drag(correction, start, kept.keep_drag).release()
     reader.wait(DragFinished)
 
 
-def test_drags_go_before_jobs_that_wait(
-    worker: Worker, reader: Reader, kept: Kept, clip: Clip, tiny_body: BodyModel, result: FitResult
-):
-    first = Counting()
-    worker.submit(first)
-    number = worker.submit(opened(Counting()))
-    worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]], kept.keep_drag).release()
-    first.gate.set()
-    reader.wait(JobFinished, count=2)
-    assert [type(r) for r in reader.reports if r in reader.of(DragFinished) or r == JobStarted(job=number)] == [
-        DragEnded,
-        JobStarted,
-    ]
-
-
-def test_closing_ends_everything(clip: Clip, tiny_body: BodyModel, result: FitResult):
+def test_closing_ends_everything(correction: Correction, start: np.ndarray):
     worker = Worker(Kept())
     reader = Reader(worker.reports)
     job = Counting(steps=10**6, seconds=0.001)
     worker.submit(opened(job))
     until(lambda: job.done > 2)
     worker.submit(Counting())
-    worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]], Kept().keep_drag)
+    worker.drag(correction, start, Kept().keep_drag)
     assert worker.close(PATIENCE)
     assert job.closed and len(reader.of(JobCancelled)) == 2 and len(reader.of(DragAbandoned)) == 1
     assert worker.close(PATIENCE)

@@ -1,4 +1,4 @@
-"""Hundreds of hostile files, plugins, paths and requests: each ends soon, in little memory, with a line of why, runs
+"""Hundreds of hostile files and plugins: each ends soon, in little memory, with a line of why, runs
 nothing, and leaves nothing half-written."""
 
 import shutil
@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from tcfit_app.cli.ending import INPUT_ERROR
-from tests.tcfit_app.hostile.command_lines import with_path
 from tests.tcfit_app.hostile.made_files import EXECUTED, bombs, cameras, pickles
 from tests.tcfit_app.hostile.made_plugins import plugins
-from tests.tcfit_app.hostile.test_hostile_paths import OPTIONS
-from tests.tcfit_app.hostile.world import POSITIONAL, World
+from tests.tcfit_app.hostile.world import World
 
 pytestmark = pytest.mark.thorough
 
@@ -58,15 +56,3 @@ def test_plugins(hostile_world: World, number: int):
     finally:
         for path in hostile_world.packages.iterdir():
             shutil.rmtree(path) if path.is_dir() else path.unlink()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", range(MANY))
-def test_paths(hostile_world: World, number: int):
-    rng = np.random.default_rng(number)
-    option = OPTIONS[rng.integers(len(OPTIONS))]
-    kind = list(hostile_world.hostile)[rng.integers(len(hostile_world.hostile))]
-    base = hostile_world.lines[option.command]
-    places = {name: base.index(value) for name, value in POSITIONAL[option.command].items() if value in base}
-    line = with_path(base, option, hostile_world.hostile[kind], places)
-    assert not (fault := fault_of(hostile_world, line, (0, 1, INPUT_ERROR))), f"{option.flag}: {kind}: {fault}"

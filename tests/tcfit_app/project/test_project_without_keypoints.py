@@ -6,14 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, Keypoints
-from tcfit_app.cli.main import main
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.project.edits.kinds import SWAPPABLE, MoveKeypoint, SwapSides
 from tcfit_app.project.project import Project
@@ -33,15 +31,6 @@ def empty_clip() -> Clip:
 def folder(tmp_path: Path) -> Path:
     Project.create(tmp_path / "walk.tcfit", empty_clip()).close()
     return tmp_path / "walk.tcfit"
-
-
-@pytest.fixture
-def images(tmp_path: Path) -> Path:
-    images = tmp_path / "walk"
-    images.mkdir()
-    for number in range(FRAMES):
-        cv2.imwrite(str(images / f"{number}.png"), np.zeros((48, 64, 3), np.uint8))
-    return images
 
 
 def test_nothing_is_corrected_before_there_is_something(folder: Path):
@@ -175,24 +164,3 @@ def test_a_full_disk_leaves_the_project_as_it_was(folder: Path, monkeypatch: pyt
         project.take_detections(sample_keypoints())
     with Project.open(folder) as project:
         assert same_keypoints(project.detections, sample_keypoints())
-
-
-def test_a_project_is_made_of_a_video_alone(images: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    out = tmp_path / "p"
-    given = ["--keypoints", "none", "--first-frame", "1", "--last-frame", "4", "--frame-rate", "25", "--fov", "60"]
-    assert main(["new", str(images), "--out", str(out), *given]) == 0
-    assert "No keypoints yet: detect or import them in the review" in capsys.readouterr().err
-    with Project.open(out) as project:
-        clip = project.clip
-        assert not project.has_detections and len(clip) == 4 and clip.first_frame == 1
-        assert clip.camera.size == (64, 48) and clip.frame_rate == 25 and clip.source and clip.source.samefile(images)
-
-
-def test_options_of_keypoints_need_some(images: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    for option in (["--person", "1"], ["--keypoint-scale", "0..1"]):
-        assert main(["new", str(images), "--keypoints", "none", "--out", str(tmp_path / "p"), *option]) == 2
-        assert f"{option[0]} needs keypoints, and" in capsys.readouterr().err
-    assert main(["fit", str(images), "--keypoints", "none", "--out", str(tmp_path / "o")]) == 2
-    assert "a fit needs keypoints" in capsys.readouterr().err
-    assert main(["new", str(tmp_path / "nothing.mp4"), "--out", str(tmp_path / "p")]) == 2
-    assert not (tmp_path / "p").exists()
