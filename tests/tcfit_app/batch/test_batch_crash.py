@@ -21,6 +21,7 @@ from tcfit_app.cli.ending import CANCELLED
 from tcfit_app.cli.main import main
 from tcfit_app.fitting import process_queue
 from tests.drivers.processes import needs_fork, succeeded
+from tests.drivers.waiting import until
 from tests.samples.batch_clips import CHEAP, broken_places, fitted, rows_of, write_batch
 
 pytestmark = [
@@ -85,13 +86,6 @@ def living(group: int) -> list[int]:
     return found
 
 
-def until(holds: Callable[[], object], seconds: float = 120.0) -> None:
-    end = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.01)
-
-
 @contextmanager
 def running(start: Start, manifest: Path) -> Iterator[int]:
     """A batch, none of whose processes stays."""
@@ -123,7 +117,7 @@ def killed_twice_and_resumed(folder: Path, body: BodyModel, start: Start, *, cli
     with running(start, manifest) as group:
         until(lambda: len(fitted(folder)) >= clips // 4)
         os.kill(group, signal.SIGKILL)  # The parent alone: the others have to end by themselves.
-        until(lambda: not living(group), 20)
+        until(lambda: not living(group), seconds=20)
     first = fitted(folder)
     with running(start, manifest) as group:
         until(lambda: len(fitted(folder)) > max(len(first), clips // 2))
@@ -168,7 +162,7 @@ def test_ctrl_c_stops_at_once_and_says_how_to_go_on(tmp_path: Path, free_body: B
         os.killpg(group, signal.SIGINT)  # as a terminal does
         assert os.waitstatus_to_exitcode(_end_of(group)) == CANCELLED
         assert time.monotonic() < begin + 5
-        until(lambda: not living(group), 5)
+        until(lambda: not living(group), seconds=5)
     output = (tmp_path / "output").read_text()
     assert "The same command continues with the " in output and "not reached" in output and "Traceback" not in output
     with running(forked, manifest) as group:

@@ -19,6 +19,7 @@ from fitting_core.detect.detectors import DETECTORS
 from fitting_core.keypoints import INDEX
 from tcfit_app.cli.main import main
 from tests.drivers.processes import INTERRUPTIBLE
+from tests.drivers.waiting import until
 from tests.fitting_core.detect.onnx_files import brightest_model, constant_model, spots
 from tests.samples.fake_detector import FakeDetector, known, standing
 
@@ -117,10 +118,7 @@ def test_ctrl_c_keeps_what_was_found_and_the_same_command_goes_on(
     running = subprocess.Popen(
         [sys.executable, "-c", INTERRUPTIBLE + SLOW, str(keypoint_store), *command], stderr=subprocess.PIPE, text=True
     )
-    end = time.monotonic() + 60
-    while not list(keypoint_store.rglob("part-000002.npz")):
-        assert time.monotonic() < end and running.poll() is None
-        time.sleep(0.01)
+    until(lambda: list(keypoint_store.rglob("part-000002.npz")))
     time.sleep(0.1)
     running.send_signal(signal.SIGINT)
     told = running.communicate(timeout=60)[1]

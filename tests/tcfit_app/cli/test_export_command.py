@@ -6,7 +6,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,6 +36,7 @@ from tcfit_app.exports.table import EXPORTS
 from tcfit_app.fitting.bodies import record_of
 from tcfit_app.project.project import Project
 from tests.drivers.processes import INTERRUPTIBLE
+from tests.drivers.waiting import until
 from tests.fitting_core.io.motion.gltf_player import Player
 from tests.samples.clip_options import as_options
 from tests.samples.project_samples import CONFIG, sample_clip, sample_grounding, sample_keypoints
@@ -341,10 +341,7 @@ def test_ctrl_c_leaves_nothing_half_written(project: Path, tmp_path: Path):
     code = f"{INTERRUPTIBLE}import sys; from tcfit_app.cli.main import main; sys.exit(main(sys.argv[1:]))"
     command = [sys.executable, "-c", code, "export", str(project), "--out", str(tmp_path)]
     process = subprocess.Popen([*command, "--formats", "npz", "obj", "bvh"], stderr=subprocess.PIPE, text=True)
-    end = time.monotonic() + 60
-    while not list(tmp_path.glob(".walk-obj.*/walk-obj/*.obj")):
-        assert time.monotonic() < end and process.poll() is None
-        time.sleep(0.005)
+    until(lambda: list(tmp_path.glob(".walk-obj.*/walk-obj/*.obj")))
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=60)
     assert process.returncode == 130 and "cancelled" in said

@@ -24,6 +24,7 @@ from tcfit_app.fitting.process_queue import Work
 from tests.fitting_core.detect.onnx_files import brightest_model, spots
 from tests.samples.project_samples import sample_clip
 from tests.samples.waving import waving_fit
+from tests.tcfit_app.conftest import FinishedRun
 
 PAGE = Path(__file__).parents[3] / "docs" / "events.md"
 
@@ -64,7 +65,13 @@ def test_the_page_shows_events_that_there_are():
         assert json.loads(line) == msgspec.to_builtins(event) and kind in EVENTS
 
 
-def test_a_fit(fit_arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_a_fit(
+    fit_arguments: list[str],
+    finished: FinishedRun,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    monkeypatch.setattr("fitting_core.fit.fitting.fit_events", finished.replay)
     assert main([*fit_arguments, "--json"]) == 0
     found = lines(capsys)
     assert [line["step"] for line in of(found, "step")] == ["phase 1", "phase 2", "phase 3"]

@@ -2,9 +2,8 @@
 
 import threading
 import time
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from queue import SimpleQueue
 from typing import Any
 
@@ -34,9 +33,9 @@ from tcfit_app.fitting.reports import (
     JobReported,
     JobStarted,
     Report,
-    RunningJob,
 )
 from tcfit_app.fitting.worker import LiveDrag, Worker
+from tests.drivers.waiting import until
 from tests.samples import sessions
 from tests.samples.scenes import arms_in_motion, clip_of, finished, hidden, keypoints_of, noisy
 from tests.samples.sessions import PATIENCE
@@ -116,13 +115,6 @@ def opened(job: Counting) -> Counting:
     return job
 
 
-def until(condition: Callable[[], Any]) -> None:
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end, "waited too long"
-        time.sleep(0.002)
-
-
 @dataclass
 class Reader:
     """The draw loop's side: everything that came out of the worker so far."""
@@ -194,19 +186,6 @@ def test_a_whole_fit_reports_keeps_and_returns_what_the_core_gives(
         type(e) for e in events if isinstance(e, PhaseFinished | FramesFitted)
     ] + [FitResult]
     assert all(work is job for work, _ in kept.results)
-
-
-def test_progress_has_one_fraction_phrase_and_time(worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel):
-    worker.submit(FitEverything(clip=clip, body=tiny_body, config=CONVERGED))
-    until(lambda: reader.of(JobEnded))
-    job, shown = RunningJob(number=1, run=1, title="", phases=(1, 2, 3)), []
-    for report in reader.of(JobReported):
-        job.take(report.event, report.worked)
-        assert job.progress is not None
-        shown.append((job.progress.phrase, job.progress.fraction, job.progress.elapsed))
-    assert list(dict.fromkeys(phrase for phrase, _, _ in shown)) == ["first pass", "one shape", "final fit"]
-    for before, after in pairwise(shown):
-        assert before[1] <= after[1] and before[2] < after[2]
 
 
 def test_a_rerun_of_windows_is_one_after_the_other(

@@ -28,6 +28,7 @@ from tcfit_app.review.browser.channel import web_files
 from tcfit_app.server.gate import Entry
 from tcfit_app.server.serving import ReviewServer, review_server
 from tests.drivers.raw_tab import admitted, raw_tab
+from tests.drivers.waiting import until
 from tests.samples.media import write_video
 from tests.tcfit_app.conftest import FinishedRun
 from tests.tcfit_app.home.lists import folder_of_clips
@@ -81,14 +82,6 @@ def served(root: Path, **options: Any) -> Iterator[Served]:
             home.stop()
             thread.join(PATIENCE)
             home.close()
-
-
-def until(condition: Callable[[], Any]) -> Any:
-    end = time.monotonic() + PATIENCE
-    while not (found := condition()):
-        assert time.monotonic() < end
-        time.sleep(0.02)
-    return found
 
 
 def received(socket: Connection, kind: str, so: Callable[[dict[str, Any]], Any] = lambda message: True) -> Any:

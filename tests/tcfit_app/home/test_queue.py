@@ -9,9 +9,9 @@ import pytest
 
 from tcfit_app.fitting.process_queue import Work
 from tcfit_app.home.queue import WAITING, Job, JobQueue
+from tests.drivers.waiting import until
 from tests.tcfit_app.home.acted import act
 
-PATIENCE = 120.0
 ACTED, AFTERWARDS = (Job(kind=kind, writes=False, run=act) for kind in ("act", "act afterwards"))
 
 
@@ -27,13 +27,6 @@ def queue() -> Iterator[JobQueue]:
         yield made
     finally:
         made.close()
-
-
-def until(condition) -> None:
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 def test_one_after_the_other_and_what_failed_says_why(queue: JobQueue):

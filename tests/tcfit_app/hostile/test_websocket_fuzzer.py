@@ -24,6 +24,7 @@ from tcfit_app.review.session.session import Session
 from tcfit_app.server.serving import ReviewServer, review_server
 from tcfit_app.server.viser_bridge import let_tabs_leave
 from tests.drivers.raw_tab import admitted, raw_tab
+from tests.drivers.waiting import until
 from tests.tcfit_app.hostile.forged_messages import FORGED, KINDS
 
 pytestmark = pytest.mark.thorough
@@ -98,14 +99,6 @@ def seen_by_a_new_tab(review: Review) -> list[str]:
         return sorted(kinds)
 
 
-def alone(review: Review, tabs: int) -> None:
-    """Until there are no other tabs."""
-    end = time.monotonic() + 30
-    while len(review.app.pages) > tabs:
-        assert time.monotonic() < end, "tabs of before are still there"
-        time.sleep(0.05)
-
-
 def endure(review: Review, messages: int, log: pytest.LogCaptureFixture, capture: pytest.CaptureFixture[str]) -> None:
     """Let hostile clients send that many messages, and look at everything."""
     before, project = seen_by_a_new_tab(review), review.app.session.project
@@ -119,7 +112,7 @@ def endure(review: Review, messages: int, log: pytest.LogCaptureFixture, capture
         warnings.simplefilter("always")
         let_tabs_leave()
         honest.open("honest")
-        alone(review, 1)
+        until(lambda: len(review.app.pages) <= 1, "the other tabs' end")
         for frame in range(1, review.app.data.length):
             honest.seek(frame)  # what is made for it stays
 
@@ -128,10 +121,10 @@ def endure(review: Review, messages: int, log: pytest.LogCaptureFixture, capture
             waits.append(honest.seek(2 * frame + 2))
 
         review.attacked(messages // 5, work)  # the first ones load modules, and heaps become as large as they stay
-        alone(review, 1)
+        until(lambda: len(review.app.pages) <= 1, "the other tabs' end")
         size = memory()
         review.attacked(messages, work)
-        alone(review, 1)
+        until(lambda: len(review.app.pages) <= 1, "the other tabs' end")
         honest.seek(1)
         assert FORGED not in repr(honest.messages)
         honest.messages.clear()  # its own, not the server's

@@ -2,7 +2,6 @@
 
 import shutil
 import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -34,8 +33,9 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.review.panels.runs.run_texts import result_of
 from tcfit_app.review.session.session import Session
+from tests.drivers import waiting
 from tests.samples.scenes import finished
-from tests.samples.sessions import FRAMES, PATIENCE, QUICK, held, idle, newest, session_of, small_clip, told, until
+from tests.samples.sessions import FRAMES, QUICK, held, idle, newest, session_of, small_clip, told, until
 
 WRIST = kp.INDEX["right_wrist"]
 
@@ -728,17 +728,14 @@ def test_frames_around():
 def test_closing_leaves_what_has_ended_by_itself_as_it_ended(
     session: Session, monkeypatch: pytest.MonkeyPatch, while_closing: bool
 ):
-    """The session has not asked for the worker's news by then."""
     ended, tell, close = [], session.worker._report, session.worker.close
     monkeypatch.setattr(
         session.worker, "_report", lambda report: (tell(report), ended.append(isinstance(report, JobEnded)))
     )
 
     def wait() -> None:
-        end = time.monotonic() + PATIENCE
-        while sum(ended) < 2:
-            assert time.monotonic() < end
-            time.sleep(0.005)
+        """Without asking for the worker's news."""
+        waiting.until(lambda: sum(ended) == 2)
 
     wrong = replace(QUICK, pose_prior="/nowhere/at all.npz")
     fitted, failed = (session.fit_everything(config, kind="smplx", gender="neutral") for config in (QUICK, wrong))

@@ -1,6 +1,5 @@
 """One video for several people, decoded once."""
 
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import numpy as np
 
 from fitting_core.clip import Clip
 from tcfit_app.review.shared.video_frames import VideoFrames, Videos
+from tests.drivers.waiting import until
 from tests.samples.project_samples import CAMERA, sample_clip
 
 FRAMES = 12
@@ -27,10 +27,7 @@ def images(folder: Path) -> Path:
 
 
 def brightness(video: VideoFrames, frame: int) -> float:
-    end = time.monotonic() + 20
-    while (found := video.get(frame)) is None:
-        assert time.monotonic() < end
-        time.sleep(0.01)
+    found = until(lambda: video.get(frame))
     return float(cv2.imdecode(np.frombuffer(found, np.uint8), cv2.IMREAD_COLOR).mean())
 
 

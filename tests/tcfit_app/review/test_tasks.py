@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -10,6 +10,7 @@ import pytest
 from fitting_core.errors import InputError
 from tcfit_app.review.session import tasks as module
 from tcfit_app.review.session.tasks import Step, Task, Tasks
+from tests.drivers.waiting import until
 
 PATIENCE = 20.0
 
@@ -19,14 +20,6 @@ def tasks() -> Iterator[Tasks]:
     made = Tasks()
     yield made
     made.close()
-
-
-def until(condition: Callable[[], Any]) -> Any:
-    end = time.monotonic() + PATIENCE
-    while not (found := condition()):
-        assert time.monotonic() < end, "waited too long"
-        time.sleep(0.002)
-    return found
 
 
 def endless(report: Step) -> None:

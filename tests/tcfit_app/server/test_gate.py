@@ -28,6 +28,7 @@ from tcfit_app.server import gated_viser
 from tcfit_app.server.address import Address, listen
 from tcfit_app.server.gate import PROTECTION, Entry
 from tcfit_app.server.serving import ReviewServer, browser_at_hand, review_server
+from tests.drivers.waiting import until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -172,9 +173,7 @@ def test_fresh_links_are_said_after_each_use():
         first = server.gate.link
         assert said[-1].endswith(first)
         admit(server)
-        deadline = time.monotonic() + 5
-        while len(said) < 2 and time.monotonic() < deadline:
-            time.sleep(0.01)
+        until(lambda: len(said) > 1)
         assert said[-1].endswith(server.gate.link) and server.gate.link != first
 
 
@@ -664,10 +663,7 @@ def test_a_client_has_the_name_of_its_browser(lab: ReviewServer):
     cookie, _ = signed_in(lab, "anna")
     with open_websocket(lab, Cookie=cookie) as client:
         client.recv(timeout=10)
-        end = time.monotonic() + 10
-        while not any(gated_viser.visitor(lab.viser, number).name == "anna" for number in range(99)):
-            assert time.monotonic() < end, "nobody of that name has come"
-            time.sleep(0.02)
+        until(lambda: any(gated_viser.visitor(lab.viser, number).name == "anna" for number in range(99)))
 
 
 def test_through_the_proxy_only_its_own_page_talks(lab: ReviewServer):
