@@ -14,7 +14,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
@@ -27,6 +26,7 @@ from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.reference import write_reference
 from tcfit_app.cli.main import parse
 from tests.samples.fake_detector import FakeDetector, known, one_person
+from tests.samples.media import write_film
 from tests.samples.posed_clips import CAMERA, clip_of, motion, shipped_body
 
 ROOT = Path(__file__).parents[1]
@@ -283,10 +283,7 @@ def filmed(path: Path, keypoints: Keypoints, monkeypatch: pytest.MonkeyPatch) ->
     """A black video, beside it its keypoints, and a detector that finds the same."""
     monkeypatch.setitem(DETECTORS, "mediapipe", known(FakeDetector(one_person(keypoints))))
     write_openpose(path.with_name("keypoints"), keypoints, name=path.stem)
-    video = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, CAMERA.size)
-    for _ in range(len(keypoints)):
-        video.write(np.zeros((*CAMERA.size[::-1], 3), np.uint8))
-    video.release()
+    write_film(path, [np.zeros((*CAMERA.size[::-1], 3), np.uint8)] * len(keypoints))
 
 
 def examples(path: Path) -> list[str]:

@@ -1,5 +1,6 @@
 """Tiny videos and images that can be decoded, other ones for other seeds."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import cv2
@@ -8,18 +9,25 @@ import numpy as np
 _SIZE = (64, 48)
 
 
-def write_video(path: Path, *, seed: int = 0, frames: int = 3, size: tuple[int, int] = _SIZE) -> Path:
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, size)
-    for image in _images(seed, frames):
-        writer.write(cv2.resize(image, size))
+def write_film(path: Path, images: Iterable[np.ndarray], *, frame_rate: float = 25.0) -> Path:
+    """A video of some images (BGR), each compressed by itself if its name ends in .avi."""
+    first, *others = images
+    codec = "MJPG" if path.suffix == ".avi" else "mp4v"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), frame_rate, first.shape[1::-1])
+    for image in (first, *others):
+        writer.write(image)
     writer.release()
     return path
 
 
-def write_images(folder: Path, *names: str, seed: int = 0) -> Path:
+def write_video(path: Path, *, seed: int = 0, frames: int = 3, size: tuple[int, int] = _SIZE) -> Path:
+    return write_film(path, (cv2.resize(image, size) for image in _images(seed, frames)))
+
+
+def write_images(folder: Path, *names: str, seed: int = 0, size: tuple[int, int] = _SIZE) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     for name, image in zip(names, _images(seed, len(names)), strict=True):
-        done, content = cv2.imencode(Path(name).suffix, image)
+        done, content = cv2.imencode(Path(name).suffix, cv2.resize(image, size))
         assert done
         (folder / name).write_bytes(content.tobytes())
     return folder

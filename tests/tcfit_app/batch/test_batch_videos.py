@@ -4,7 +4,6 @@ import multiprocessing
 from collections.abc import Iterator
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -20,6 +19,7 @@ from tcfit_app.fitting import process_queue
 from tests.drivers.processes import needs_fork
 from tests.samples.batch_clips import CAMERA, CHEAP, fitted, states_of, write_clip, write_list
 from tests.samples.fake_detector import FakeDetector, known, one_person
+from tests.samples.media import write_film
 
 pytestmark = needs_fork
 OPTIONS = [option for option in CHEAP if option not in ("--image-size", "640", "480")]
@@ -46,10 +46,7 @@ def folder(tmp_path: Path, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
     write_clip(tmp_path / "keypoints", free_body)
     put(monkeypatch, tmp_path)
     for name in ("a", "b", "c"):
-        writer = cv2.VideoWriter(str(tmp_path / f"{name}.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 25, CAMERA.size)
-        for _ in range(3):
-            writer.write(np.full((480, 640, 3), ord(name), np.uint8))
-        writer.release()
+        write_film(tmp_path / f"{name}.avi", [np.full((480, 640, 3), ord(name), np.uint8)] * 3)
     rows = [{"video": f"{name}.avi", "keypoints": "", "out": f"fits/{name}"} for name in ("a", "b")]
     write_list(tmp_path, [*rows, {"video": "c.avi", "keypoints": "keypoints", "out": "fits/c"}])
     return tmp_path

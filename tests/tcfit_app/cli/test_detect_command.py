@@ -7,7 +7,6 @@ import sys
 import time
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -22,6 +21,7 @@ from tests.drivers.processes import INTERRUPTIBLE
 from tests.drivers.waiting import until
 from tests.fitting_core.detect.onnx_files import brightest_model, constant_model, spots
 from tests.samples.fake_detector import FakeDetector, known, standing
+from tests.samples.media import write_film
 
 FRAMES, SIZE = 70, (160, 120)
 
@@ -32,13 +32,11 @@ def place(t: int) -> tuple[float, float]:
 
 @pytest.fixture(scope="module")
 def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    def image(x: float, y: float) -> np.ndarray:
+        return spots(SIZE, {0: (x, y - 20), 1: (x + 14, y), 2: (x - 14, y + 20)}, sigma=4.0)[..., ::-1]
+
     path = tmp_path_factory.mktemp("video") / "walk.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25, SIZE)
-    for t in range(FRAMES):
-        x, y = place(t)
-        writer.write(spots(SIZE, {0: (x, y - 20), 1: (x + 14, y), 2: (x - 14, y + 20)}, sigma=4.0)[..., ::-1])
-    writer.release()
-    return path
+    return write_film(path, (image(*place(t)) for t in range(FRAMES)))
 
 
 @pytest.fixture(scope="module")

@@ -39,6 +39,7 @@ from tests.drivers.processes import INTERRUPTIBLE
 from tests.drivers.waiting import until
 from tests.fitting_core.io.motion.gltf_player import Player
 from tests.samples.clip_options import as_options
+from tests.samples.media import write_images
 from tests.samples.project_samples import CONFIG, sample_clip, sample_grounding, sample_keypoints
 from tests.samples.waving import waving_fit, waving_project
 from tests.tcfit_app.conftest import FRAMES, FinishedRun, motion
@@ -271,11 +272,8 @@ def test_a_result_says_whether_its_run_was_finished(project: Path, tmp_path: Pat
 
 
 def test_keypoints_of_a_part_of_numbered_images_come_back_in_their_places(tmp_path: Path):
-    images = tmp_path / "images"
-    images.mkdir()
-    for number in range(1, 13):
-        cv2.imwrite(str(images / f"img_{number:04d}.png"), np.zeros((480, 640, 3), np.uint8))
-    stems = [path.stem for path in sorted(images.iterdir())]
+    stems = [f"img_{number:04d}" for number in range(1, 13)]
+    images = write_images(tmp_path / "images", *(f"{stem}.png" for stem in stems), size=(640, 480))
     write_openpose(tmp_path / "keypoints", sample_keypoints(12), name="x", image_stems=stems)
     part = {"first_frame": 4, "last_frame": 9, "focal_length": 700.0, "frame_rate": 25.0}
     clip = read_clip(images, tmp_path / "keypoints", **as_options(part))

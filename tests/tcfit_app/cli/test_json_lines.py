@@ -10,7 +10,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import cv2
 import msgspec
 import pytest
 
@@ -22,6 +21,7 @@ from tcfit_app.cli.json_lines import EVENTS, SCHEMA, AnyEvent, StepProgress, emi
 from tcfit_app.cli.main import main
 from tcfit_app.fitting.process_queue import Work
 from tests.fitting_core.detect.onnx_files import brightest_model, spots
+from tests.samples.media import write_film
 from tests.samples.project_samples import sample_clip
 from tests.samples.waving import waving_fit
 from tests.tcfit_app.conftest import FinishedRun
@@ -40,15 +40,6 @@ def lines(capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:
 
 def of(found: list[dict[str, Any]], event: str) -> list[dict[str, Any]]:
     return [line for line in found if line["event"] == event]
-
-
-def film(path: Path) -> Path:
-    """A bright spot that stands still."""
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25, (160, 120))
-    for _ in range(8):
-        writer.write(spots((160, 120), {0: (80.0, 60.0)}, sigma=4.0)[..., ::-1])
-    writer.release()
-    return path
 
 
 def test_the_page_has_every_event_with_its_fields():
@@ -123,7 +114,8 @@ def test_a_batch(capsys: pytest.CaptureFixture[str]):
 
 
 def test_a_detection(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    video = film(tmp_path / "walk.avi")
+    spot = spots((160, 120), {0: (80.0, 60.0)}, sigma=4.0)[..., ::-1]
+    video = write_film(tmp_path / "walk.avi", [spot] * 8)
     model = brightest_model(tmp_path / "pose.onnx", size=(96, 128))
     given = ["--detector", str(model), "--out", str(tmp_path / "kp"), "--threads", "1", "--json"]
     assert main(["detect", str(video), *given]) == 0

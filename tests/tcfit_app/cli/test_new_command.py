@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -12,6 +11,7 @@ from tcfit_app.cli.main import main
 from tcfit_app.cli.new_command import check_same_clip
 from tcfit_app.project.project import Project
 from tests.fitting_core.io.cameras.camera_files import own
+from tests.samples.media import write_images
 from tests.samples.project_samples import same_keypoints
 from tests.tcfit_app.conftest import FRAMES
 
@@ -32,10 +32,7 @@ def test_the_project_has_the_clip(
 
 
 def test_images_are_linked_or_copied(keypoint_folder: Path, tmp_path: Path):
-    images = tmp_path / "images"
-    images.mkdir()
-    for number in range(FRAMES):
-        cv2.imwrite(str(images / f"{number}.png"), np.zeros((480, 640, 3), np.uint8))
+    images = write_images(tmp_path / "images", *(f"{number}.png" for number in range(FRAMES)), size=(640, 480))
     arguments = ["new", str(images), "--keypoints", str(keypoint_folder)]
     assert main([*arguments, "--out", str(tmp_path / "linked")]) == 0
     assert main([*arguments, "--out", str(tmp_path / "copied"), "--copy-video"]) == 0

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 import torch
@@ -24,6 +23,7 @@ from tcfit_app.cli import fit_command
 from tcfit_app.cli.main import main
 from tcfit_app.project.project import Project
 from tests.fitting_core.io.motion.gltf_player import Player
+from tests.samples.media import write_images
 from tests.tcfit_app.conftest import CAMERA, FRAMES, QUICK, motion
 
 RATE = 10
@@ -183,10 +183,7 @@ def test_a_start_is_for_whoever_follows_it(
 
 
 def test_a_project_of_each_and_one_copy_of_the_images(two: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    images = tmp_path / "images"
-    images.mkdir()
-    for number in range(FRAMES):
-        cv2.imwrite(str(images / f"{number}.png"), np.zeros((480, 640, 3), np.uint8))
+    images = write_images(tmp_path / "images", *(f"{number}.png" for number in range(FRAMES)), size=(640, 480))
     arguments = ["new", str(images), "--keypoints", str(two), "--frame-rate", str(RATE), "--people", "all"]
     for name, options in (("linked", []), ("copied", ["--copy-video"])):
         assert main([*arguments, "--out", str(tmp_path / name), *options]) == 0

@@ -3,7 +3,6 @@
 import sys
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -15,6 +14,7 @@ from tcfit_app.cli.main import main, parse
 from tcfit_app.options.clip_input import clip_of
 from tcfit_app.project.project import Project
 from tests.samples.fake_detector import FakeDetector, known, one_person
+from tests.samples.media import write_film
 from tests.tcfit_app.conftest import FRAMES, FinishedRun
 
 FOUND = f"Keypoints: fake, in {FRAMES} of {FRAMES} frames"
@@ -22,12 +22,7 @@ FOUND = f"Keypoints: fake, in {FRAMES} of {FRAMES} frames"
 
 @pytest.fixture
 def video(tmp_path: Path) -> Path:
-    path = tmp_path / "wave.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 30, (640, 480))
-    for _ in range(FRAMES):
-        writer.write(np.zeros((480, 640, 3), np.uint8))
-    writer.release()
-    return path
+    return write_film(tmp_path / "wave.avi", [np.zeros((480, 640, 3), np.uint8)] * FRAMES, frame_rate=30)
 
 
 @pytest.fixture

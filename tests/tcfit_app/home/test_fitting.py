@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
@@ -20,7 +19,7 @@ from tcfit_app.imports.keypoint_jobs import FoundKeypoints
 from tcfit_app.project.glance import glance
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.lock import ProjectLocked
-from tests.samples.media import write_video
+from tests.samples.media import write_images, write_video
 from tests.samples.project_samples import sample_keypoints
 from tests.samples.sessions import FRAMES, QUICK, small_clip
 
@@ -95,9 +94,7 @@ def test_images_in_smplify_xs_layout_bring_their_keypoints(tmp_path: Path):
     keypoints = sample_keypoints(12)
     write_openpose(tmp_path / "walk" / "keypoints", keypoints, name="walk")
     names = sorted(path.stem.removesuffix("_keypoints") for path in (tmp_path / "walk" / "keypoints").iterdir())
-    (tmp_path / "walk" / "images").mkdir()
-    for name in names:
-        cv2.imwrite(str(tmp_path / "walk" / "images" / f"{name}.png"), np.zeros((480, 640, 3), np.uint8))
+    write_images(tmp_path / "walk" / "images", *(f"{name}.png" for name in names), size=(640, 480))
     (found,) = find(tmp_path)
     make_project(found)
     with Project.open(tmp_path / "walk.tcfit") as project:

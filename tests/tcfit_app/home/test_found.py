@@ -3,14 +3,13 @@
 import os
 from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
 
 from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME
 from tcfit_app.home import catalogue
 from tcfit_app.home.found import RESULT, are_frames, find
 from tcfit_app.project.storage.database import NAME
+from tests.samples.media import write_images
 
 
 def touch(*paths: Path) -> None:
@@ -41,9 +40,7 @@ def test_projects_results_and_videos_at_any_depth(tmp_path: Path):
 
 
 def frames(folder: Path, pattern: str, count: int = 12, size: int = 200) -> None:
-    folder.mkdir(parents=True)
-    for number in range(count):
-        cv2.imwrite(str(folder / pattern.format(number)), np.zeros((size, size, 3), np.uint8))
+    write_images(folder, *map(pattern.format, range(count)), size=(size, size))
 
 
 def test_folders_of_frames_and_not_of_thumbnails_or_photos(tmp_path: Path):

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
@@ -16,6 +15,7 @@ from tcfit_app.cli.main import main, parse
 from tcfit_app.cli.review_command import opened
 from tcfit_app.project.packed import pack
 from tcfit_app.project.project import Project
+from tests.samples.media import write_images
 from tests.samples.project_samples import FRAMES, same_keypoints, sample_clip, sample_keypoints
 
 
@@ -24,13 +24,10 @@ def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.chdir(tmp_path)
 
 
-def images(folder: str, shade: int = 10) -> Path:
+def images(folder: str, seed: int = 0) -> Path:
     """A clip "walk"."""
-    path = Path(folder, "walk")
-    path.mkdir(parents=True)
-    for number in range(FRAMES):
-        cv2.imwrite(str(path / f"{number:06}.png"), np.full((480, 480, 3), shade, np.uint8))
-    return path
+    names = (f"{number:06}.png" for number in range(FRAMES))
+    return write_images(Path(folder, "walk"), *names, seed=seed, size=(480, 480))
 
 
 def keypoints(folder: str, seed: int = 0) -> Path:
@@ -56,7 +53,7 @@ OPTIONS = {
 def test_the_clip_of_another_folder_is_not_taken_for_this_one(capsys: pytest.CaptureFixture[str]):
     review(images("one"))
     with pytest.raises(InputError, match=r"walk.tcfit: is the project of another clip than .*two/walk. Give --out"):
-        review(images("two", shade=200))
+        review(images("two", seed=1))
     assert "Opening" not in capsys.readouterr().err
     assert review("two/walk", "--out", "second.tcfit").folder.name == "second.tcfit"
     shutil.copytree("one/walk", "moved/walk")

@@ -18,6 +18,7 @@ from fitting_core.video.frames import FrameSource
 from tcfit_app.review.shared import video_frames
 from tcfit_app.review.shared.video_frames import FrameSize, VideoFrames, placeholder, shown_size
 from tests.drivers.waiting import until
+from tests.samples.media import write_film
 
 COUNT, SIZE, STEP = 24, (1200, 640), 10
 
@@ -39,13 +40,10 @@ def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def walk(path: Path, size: tuple[int, int]) -> Path:
     """A video whose frames' right halves tell their index."""
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, size)
-    for index in range(COUNT):
-        image = np.full((size[1], size[0], 3), STEP * index, np.uint8)
+    images = [np.full((size[1], size[0], 3), STEP * index, np.uint8) for index in range(COUNT)]
+    for image in images:
         image[:, : size[0] // 2] = (0, 0, 255)
-        writer.write(image)
-    writer.release()
-    return path
+    return write_film(path, images)
 
 
 @pytest.fixture
