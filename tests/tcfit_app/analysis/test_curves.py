@@ -7,12 +7,10 @@ import pytest
 import torch
 
 from fitting_core import keypoints as kp
-from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.ground.plane import Ground
 from fitting_core.measure.angles.joint_angles import joint_angles
-from fitting_core.metrics import jitter
 from fitting_core.results.error_bars import ANGLES
 from tcfit_app.analysis.curves import CURVES, curve
 from tcfit_app.analysis.posed_fit import PosedFit
@@ -119,14 +117,6 @@ def test_one_frame_aside_is_jitter_of_three(tiny_body: BodyModel):
     np.testing.assert_allclose(values("temporal", fit)[1:-1], [0, 5 / 3, 10 / 3, 5 / 3, 0], atol=1e-9)
     np.testing.assert_allclose(values("temporal", replace(fit, space="body"))[1:-1], 0, atol=1e-9)
     np.testing.assert_allclose(np.diff(values("depth", fit)), [0, 0, 0.004, -0.004, 0, 0], atol=1e-9)
-
-
-def test_jitter_is_that_of_the_metrics(tiny_body: BodyModel):
-    params = random_params(6)
-    joints = Mesh(tiny_body, dtype=torch.float64).joints(params).numpy()
-    fit = fit_of(tiny_body, params)
-    np.testing.assert_allclose(np.nanmean(values("jitter", fit)), jitter(joints), rtol=1e-6)
-    np.testing.assert_allclose(values("depth", fit), joints[:, JOINT["pelvis"], 2], rtol=1e-9)
 
 
 def test_heights_are_above_the_floor(tiny_body: BodyModel):

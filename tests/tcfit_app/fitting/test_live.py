@@ -163,12 +163,19 @@ def test_an_undetected_keypoint_can_be_placed(clip: Clip, body: BodyModel, param
     assert apart(body, *ends) > 20
 
 
-def test_swapped_sides_are_followed_where_the_fit_sees_them(clip: Clip, body: BodyModel, params: BodyParams):
-    """Left and right arm are swapped in the dragged frame: the fit swaps them back, and the drag with them."""
+@pytest.fixture(scope="module")
+def swapped(clip: Clip) -> Clip:
+    """Left and right arm are exchanged in the dragged frame."""
     xy = clip.keypoints.xy.copy()
     pairs = [[kp.INDEX[f"{side}_{n}"] for n in ("elbow", "wrist")] for side in ("left", "right")]
     xy[FRAME, pairs[0] + pairs[1]] = xy[FRAME, pairs[1] + pairs[0]]
-    swapped = replace(clip, keypoints=replace(clip.keypoints, xy=xy))
+    return replace(clip, keypoints=replace(clip.keypoints, xy=xy))
+
+
+def test_swapped_sides_are_followed_where_the_fit_sees_them(
+    clip: Clip, swapped: Clip, body: BodyModel, params: BodyParams
+):
+    """The fit swaps them back, and the drag with them."""
     left = kp.INDEX["left_wrist"]  # holds the right wrist's position
     plain = LiveCorrection(correction(clip, body, params), where(clip, by=(0, 0)))
     other = LiveCorrection(correction(swapped, body, params, left), where(swapped, left, by=(0, 0)))
@@ -217,11 +224,7 @@ def test_a_drag_in_depth_of_a_keypoint_that_the_fit_leaves_out_moves_nothing(
     assert depth(body, both.params) - start[1:] == pytest.approx(0.15, abs=0.04)
 
 
-def test_a_drag_in_depth_finds_swapped_sides(clip: Clip, body: BodyModel, params: BodyParams):
-    xy = clip.keypoints.xy.copy()
-    pairs = [[kp.INDEX[f"{side}_{n}"] for n in ("elbow", "wrist")] for side in ("left", "right")]
-    xy[FRAME, pairs[0] + pairs[1]] = xy[FRAME, pairs[1] + pairs[0]]
-    swapped = replace(clip, keypoints=replace(clip.keypoints, xy=xy))
+def test_a_drag_in_depth_finds_swapped_sides(swapped: Clip, body: BodyModel, params: BodyParams):
     start = depth(body, params)
     live = LiveCorrection(correction(swapped, body, params, kp.INDEX["left_wrist"], in_depth=True), start)
     live.move(start + 0.15)

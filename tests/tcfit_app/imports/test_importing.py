@@ -42,12 +42,6 @@ from tests.samples.sessions import OneBody, small_clip
 NONE = ImportChoices()
 
 
-@pytest.fixture
-def project(tmp_path: Path) -> Iterator[Project]:
-    with Project.create(tmp_path / "walk.tcfit", sample_clip()) as opened:
-        yield opened
-
-
 def results(
     folder: Path, body: BodyModel, frames: int = FRAMES, *, first: int = 0, seed: int = 3, rate: float = 25
 ) -> Path:

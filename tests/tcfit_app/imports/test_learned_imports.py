@@ -1,7 +1,6 @@
 """Results of learned systems as runs of a project: their cameras, their people, and uploads of their files."""
 
 import zlib
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,7 @@ from tests.fitting_core.io.motion.learned_files import (
     wham,
     written,
 )
-from tests.samples.project_samples import CAMERA, FRAMES, sample_clip
+from tests.samples.project_samples import CAMERA, FRAMES
 from tests.samples.sessions import OneBody
 
 
@@ -39,12 +38,6 @@ class AnyKind(OneBody):
 def smpl(body: BodyModel) -> Any:
     """Bodies whose SMPL is this one."""
     return AnyKind(replace(body, kind="smpl"))
-
-
-@pytest.fixture
-def project(tmp_path: Path) -> Iterator[Project]:
-    with Project.create(tmp_path / "walk.tcfit", sample_clip()) as opened:
-        yield opened
 
 
 def test_whams_camera_is_of_the_clips_size(project: Project, tmp_path: Path, tiny_body: BodyModel):

@@ -1,9 +1,5 @@
 """The log of edits: incremental against from scratch, undo and redo, and detections that nothing changes."""
 
-import sqlite3
-import time
-from contextlib import closing
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,8 +12,7 @@ from fitting_core.keypoints import Keypoints
 from tcfit_app.project.edits import edit_log
 from tcfit_app.project.edits.edit_log import EditHistory, LogAction, LogEntry, Redo, Undo
 from tcfit_app.project.edits.kinds import Edit, MarkBad, MoveKeypoint
-from tcfit_app.project.project import Project
-from tests.samples.project_samples import applied, edits, random_edit, same_keypoints, sample_clip, sample_keypoints
+from tests.samples.project_samples import applied, edits, same_keypoints, sample_keypoints
 
 NOW: Any = None
 STEPS = st.lists(st.one_of(edits(), st.sampled_from(["undo", "redo"])), max_size=25)
@@ -167,17 +162,3 @@ def test_undo_goes_back_behind_what_opening_has_kept(written: list[int], monkeyp
     for number in range(6, 0, -1):
         history.add(entry(100 - number, Undo(edit=number)))
         assert history.corrected.bad.sum() == number - 1
-
-
-@pytest.mark.slow
-def test_a_hundred_thousand_edits_are_read_in_seconds(tmp_path: Path):
-    """It took 9.3 s, and 5.1 s since then, on two cores that others used too."""
-    with Project.create(tmp_path / "walk.tcfit", sample_clip(300)):
-        pass
-    rows = [("2026-01-01T00:00:00+00:00", "", edit_log.encode(random_edit(seed))) for seed in range(100_000)]
-    with closing(sqlite3.connect(tmp_path / "walk.tcfit" / "project.sqlite")) as connection, connection:
-        connection.executemany("INSERT INTO edits (time, author, action) VALUES (?, ?, ?)", rows)
-    begin = time.process_time()
-    with Project.open(tmp_path / "walk.tcfit", read_only=True) as project:
-        assert project.last_edit == 100_000
-    assert time.process_time() - begin < 15

@@ -1,20 +1,10 @@
 """Notes on frames, in the log of edits."""
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 
 from fitting_core.errors import InputError
 from tcfit_app.project.edits.edit_log import NOTE_CHARACTERS, WriteNote
 from tcfit_app.project.project import Project
-from tests.samples.project_samples import sample_clip
-
-
-@pytest.fixture
-def project(tmp_path: Path) -> Iterator[Project]:
-    with Project.create(tmp_path / "walk.tcfit", sample_clip()) as project:
-        yield project
 
 
 def texts(project: Project) -> list[tuple[range, str]]:

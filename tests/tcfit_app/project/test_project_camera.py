@@ -2,7 +2,6 @@
 
 import json
 import sqlite3
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -18,13 +17,7 @@ from tcfit_app.project.edits.kinds import SwapSides
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database
 from tcfit_app.project.storage.clip import replace_detections
-from tests.samples.project_samples import BODY, CONFIG, random_edit, sample_clip, sample_fit
-
-
-@pytest.fixture
-def project(tmp_path: Path) -> Iterator[Project]:
-    with Project.create(tmp_path / "walk.tcfit", sample_clip()) as made:
-        yield made
+from tests.samples.project_samples import BODY, CONFIG, random_edit, sample_fit
 
 
 def bent(camera: Camera, strength: float = -0.05) -> Camera:

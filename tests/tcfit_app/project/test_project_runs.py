@@ -2,7 +2,6 @@
 
 import io
 import zipfile
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,13 +15,7 @@ from fitting_core.results.given_start import GivenStart, StartRecord
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_files import read_run, write_run
 from tcfit_app.project.storage.run_record import Run
-from tests.samples.project_samples import BODY, CONFIG, FRAMES, assert_same_fit, random_edit, sample_clip, sample_fit
-
-
-@pytest.fixture
-def project(tmp_path: Path) -> Iterator[Project]:
-    with Project.create(tmp_path / "walk.tcfit", sample_clip()) as project:
-        yield project
+from tests.samples.project_samples import BODY, CONFIG, FRAMES, assert_same_fit, random_edit, sample_fit
 
 
 def started(project: Project, name: str = "") -> Run:
