@@ -111,26 +111,13 @@ def test_recordings_become_left_hands(tmp_path: Path, hand: HandSkeleton, right:
     assert np.allclose(recording.directions[0], unit(np.diff(hand.points, axis=1)), atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (b"nonsense", "is no hand recording"),
-        ({"joints_mm": np.zeros((2, 5, 4, 3))}, "is no hand recording"),
-        (
-            dict(joints_mm=np.zeros((2, 4, 3)), palm_pos_normal_dir=np.zeros((2, 3, 3)), is_right=0, confidence=0),
-            r"shape \(2, 4, 3\), expected \(frames, 5, 4, 3\)",
-        ),
-    ],
-)
-def test_broken_recordings_are_named(tmp_path: Path, content: bytes | dict, message: str) -> None:
+def test_broken_recordings_are_named(tmp_path: Path) -> None:
     path = tmp_path / "broken.npz"
-    if isinstance(content, bytes):
-        path.write_bytes(content)
-    else:
-        np.savez(path, **content)
-    with pytest.raises(InputError, match=message) as error:
-        read_recording(path)
-    assert str(path) in str(error.value)
+    np.savez(path, joints_mm=np.zeros((2, 5, 4, 3)))
+    for _ in range(2):
+        with pytest.raises(InputError, match=r"broken\.npz.* is no hand recording"):
+            read_recording(path)
+        path.write_bytes(b"nonsense")
 
 
 def test_the_shipped_space_is_complete_and_in_the_bodies(body: BodyModel) -> None:

@@ -184,43 +184,41 @@ def test_a_depth_is_said_of_keypoints_wherever_they_are(detected: Keypoints):
     assert after(detected).keypoints.depth is None
 
 
-def test_edits_of_the_place_keep_the_depth(detected: Keypoints):
-    where: Any = {"frames": (1, 4), "joints": (LEFT,)}
-    moved = MoveKeypoint(**where, xy=(((1.0, 1.0),), ((2.0, 2.0),)))
-    for edit in (moved, Nudge(**where, by=(1.0, 0.0)), SetConfidence(**where, confidence=0.3)):
-        np.testing.assert_array_equal(depths(detected, edit), [0.75, np.nan, np.nan, 0.25])
-
-
-def test_the_depth_of_a_bad_keypoint_counts_once_it_is_restored(detected: Keypoints):
-    where: Any = {"frames": (1,), "joints": (LEFT,)}
-    np.testing.assert_array_equal(depths(detected, MarkBad(**where)), [np.nan, np.nan, np.nan, 0.25])
-    said = SetDepth(**where, depth=((0.5,),))
-    np.testing.assert_array_equal(depths(detected, MarkBad(**where), said), [np.nan, np.nan, np.nan, 0.25])
-    both = depths(detected, MarkBad(**where), said, Restore(**where))
-    np.testing.assert_array_equal(both, [0.5, np.nan, np.nan, 0.25])
-
-
 def test_depths_change_sides_with_their_keypoints(detected: Keypoints):
     found = after(detected, FARTHER, SwapSides(frames=(1,), joints=SWAPPABLE["arms"])).keypoints.told_depth
     assert found[1, RIGHT] == 0.75 and np.isnan(found[1, LEFT]) and found[4, LEFT] == 0.25
 
 
-def test_depths_are_copied_with_their_keypoints(detected: Keypoints):
-    copied = CopyFrom(frames=(2, 4), joints=(LEFT,), source=1)
-    np.testing.assert_array_equal(depths(detected, copied), [0.75, 0.75, np.nan, 0.75])
-    np.testing.assert_array_equal(
-        depths(detected, CopyFrom(frames=(4,), joints=(LEFT,), source=3)), [0.75] + [np.nan] * 3
-    )
+HERE: Any = {"frames": (1,), "joints": (LEFT,)}
+BOTH: Any = {"frames": (1, 4), "joints": (LEFT,)}
+LINE = Interpolate.between(1, 4, (LEFT, 11))
+NOT = np.nan
+DEPTHS: dict[str, tuple[tuple[Edit, ...], list[float]]] = {
+    "moved": ((MoveKeypoint(**BOTH, xy=(((1.0, 1.0),), ((2.0, 2.0),))),), [0.75, NOT, NOT, 0.25]),
+    "nudged": ((Nudge(**BOTH, by=(1.0, 0.0)),), [0.75, NOT, NOT, 0.25]),
+    "of another confidence": ((SetConfidence(**BOTH, confidence=0.3),), [0.75, NOT, NOT, 0.25]),
+    "bad": ((MarkBad(**HERE),), [NOT, NOT, NOT, 0.25]),
+    "said of a bad one": ((MarkBad(**HERE), SetDepth(**HERE, depth=((0.5,),))), [NOT, NOT, NOT, 0.25]),
+    "restored": ((MarkBad(**HERE), SetDepth(**HERE, depth=((0.5,),)), Restore(**HERE)), [0.5, NOT, NOT, 0.25]),
+    "copied": ((CopyFrom(frames=(2, 4), joints=(LEFT,), source=1),), [0.75, 0.75, NOT, 0.75]),
+    "copied from where none is": ((CopyFrom(frames=(4,), joints=(LEFT,), source=3),), [0.75, NOT, NOT, NOT]),
+    "interpolated": ((LINE,), [0.75, 0.75 - 0.5 / 3, 0.25 + 0.5 / 3, 0.25]),
+    "interpolated from a bad end": ((MarkBad(**HERE), LINE), [NOT, NOT, NOT, 0.25]),
+    "interpolated from an end without": ((ClearDepth(**HERE), LINE), [NOT, NOT, NOT, 0.25]),
+    "kept where an end has none": (
+        (SetDepth(frames=(2,), joints=(LEFT,), depth=((-1.0,),)), ClearDepth(**HERE), LINE),
+        [NOT, -1.0, NOT, 0.25],
+    ),
+}
 
 
-def test_depths_are_interpolated_where_both_ends_have_one(detected: Keypoints):
-    line = Interpolate.between(1, 4, (LEFT, 11))
-    np.testing.assert_allclose(depths(detected, line), [0.75, 0.75 - 0.5 / 3, 0.25 + 0.5 / 3, 0.25])
-    assert np.allclose(after(detected, FARTHER, line).keypoints.told_depth[2, 11], 0.5), "of undetected ones too"
-    for end in (MarkBad(frames=(1,), joints=(LEFT,)), ClearDepth(frames=(1,), joints=(LEFT,))):
-        np.testing.assert_array_equal(depths(detected, end, line), [np.nan, np.nan, np.nan, 0.25])
-    kept = SetDepth(frames=(2,), joints=(LEFT,), depth=((-1.0,),))
-    assert depths(detected, kept, ClearDepth(frames=(1,), joints=(LEFT,)), line)[1] == -1.0
+@pytest.mark.parametrize(("made", "expected"), DEPTHS.values(), ids=DEPTHS)
+def test_a_depth_follows_its_keypoint(detected: Keypoints, made: tuple[Edit, ...], expected: list[float]):
+    np.testing.assert_allclose(depths(detected, *made), expected)
+
+
+def test_depths_are_interpolated_of_undetected_keypoints_too(detected: Keypoints):
+    assert np.allclose(after(detected, FARTHER, LINE).keypoints.told_depth[2, 11], 0.5)
 
 
 def test_pinned_keypoints_are_in_one_place_and_count_again(detected: Keypoints):
