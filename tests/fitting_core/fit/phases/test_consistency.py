@@ -1,5 +1,6 @@
 """Phase 3 on its own: windows, the order of stages, and what a re-run may touch."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -35,6 +36,13 @@ def start_of(body: BodyModel, config: FitConfig, frames: int = FRAMES) -> tuple[
     return Consistency(stages, make_solver("lm", config.settings)), state
 
 
+def cost_of(consistency: Consistency, start: State) -> Callable[[State], float]:
+    """The whole clip's E_o of stage 5 and E_T."""
+    stages = consistency.stages
+    objective = stages.objective(5, start, stages.free(5, betas=False))
+    return lambda s: float(objective.cost(s, stages.all_frames).sum()) + sum(objective.costs_over_time(s).values())
+
+
 @pytest.mark.usefixtures("in_torch")
 def test_a_window_poses_no_frame_that_it_is_not_coupled_to(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
     """Else the cost of all windows is quadratic in the clip's length."""
@@ -56,12 +64,7 @@ def test_a_long_clip_is_fitted_in_parts_that_overlap(tiny_body: BodyModel, monke
     """To nearly the cost of the whole; what a part leaves to no other one is final."""
     frames, config = 16, replace(CONFIG, settings=SolverSettings(iterations=60, sequence_tolerance=1e-9))
     consistency, state = start_of(tiny_body, config, frames)
-    stages = consistency.stages
-
-    def cost(s: State) -> float:
-        objective = stages.objective(5, state, stages.free(5, betas=False))
-        return float(objective.cost(s, stages.all_frames).sum()) + sum(objective.costs_over_time(s).values())
-
+    stages, cost = consistency.stages, cost_of(consistency, state)
     best = finished(consistency.all_at_once(state))
     state = best.moved(0.01 * torch.randn(best.vector.shape, generator=torch.manual_seed(0), dtype=torch.float64))
     betas = stages.parametrisation.columns.betas
@@ -85,12 +88,7 @@ def test_a_rerun_moves_its_frames_alone_and_lowers_the_whole_cost(tiny_body: Bod
     end = finished(consistency.rerun(state, frames))
     for i in range(FRAMES):
         assert torch.equal(end.vector[i], state.vector[i]) == (i not in frames)
-    stages = consistency.stages
-
-    def whole(s: State) -> float:
-        objective = stages.objective(5, state, stages.free(5, betas=False))
-        return float(objective.cost(s, stages.all_frames).sum()) + sum(objective.costs_over_time(s).values())
-
+    whole = cost_of(consistency, state)
     assert whole(end) < whole(state)
 
 
@@ -101,12 +99,7 @@ def test_a_rerun_counts_the_residuals_of_the_frames_around_it(tiny_body: BodyMod
         tiny_body, replace(CONFIG, temporal=temporal, settings=SolverSettings(iterations=40, sequence_tolerance=1e-9))
     )
     best = finished(consistency.all_at_once(state))
-    stages = consistency.stages
-    objective = stages.objective(5, state, stages.free(5, betas=False))
-
-    def whole(s: State) -> float:
-        return float(objective.cost(s, stages.all_frames).sum()) + sum(objective.costs_over_time(s).values())
-
+    whole = cost_of(consistency, state)
     for frames in (range(2, 4), range(0, 1), range(5, 6)):
         assert whole(finished(consistency.rerun(best, frames))) <= whole(best) * (1 + 1e-12)
 

@@ -41,21 +41,6 @@ def test_coverage_shows_every_part_though_few_frames_do():
     assert np.diff(chosen).min() > 40 // (2 * 4)
 
 
-def fitted_shape(body: BodyModel, config: FitConfig, usable: list[int] | None = None):
-    truth = random_params(6, 2, size=0.15)
-    truth = replace(truth, betas=truth.betas[:1].expand(6, 10))
-    detections = hidden(keypoints_of(body, truth), kp.HANDS, kp.FACE)
-    stages = stages_of(body, detections, config)
-    state = stages.parametrisation.from_params(truth)
-    betas = stages.parametrisation.columns.betas
-    spread = random_state(stages.parametrisation, 6, 9).vector[:, betas]
-    start = state.with_columns(betas, spread)
-    frames = torch.arange(6) if usable is None else torch.tensor(usable)
-    sight = Sight(stages=stages, state=start, usable=frames)
-    found = finished(fit_shape(sight, make_solver("lm", config.settings), config.shape_sample))
-    return stages, truth, start, found.state, found.frames
-
-
 CONFIG = FitConfig(
     weights=replace(Weights(), shape=(0.01,) * 5, collision=(0.0,) * 5, body_pose=(1.0,) * 5, bending=(0.1,) * 5),
     hip_weight=1.0,
@@ -65,8 +50,14 @@ CONFIG = FitConfig(
 
 
 def test_one_shape_for_all_sampled_frames(tiny_body: BodyModel):
-    stages, _, start, sampled, chosen = fitted_shape(tiny_body, CONFIG)
+    truth = random_params(6, 2, size=0.15)
+    truth = replace(truth, betas=truth.betas[:1].expand(6, 10))
+    stages = stages_of(tiny_body, hidden(keypoints_of(tiny_body, truth), kp.HANDS, kp.FACE), CONFIG)
     betas = stages.parametrisation.columns.betas
-    found = sampled.vector[:, betas]
-    assert len(chosen) == 4 and torch.equal(found, found[:1].expand(4, 10))
-    assert not torch.allclose(found[0], start.vector[chosen][:, betas].mean(0), atol=0.05)
+    spread = random_state(stages.parametrisation, 6, 9).vector[:, betas]
+    start = stages.parametrisation.from_params(truth).with_columns(betas, spread)
+    sight = Sight(stages=stages, state=start, usable=torch.arange(6))
+    sampled = finished(fit_shape(sight, make_solver("lm", CONFIG.settings), CONFIG.shape_sample))
+    found = sampled.state.vector[:, betas]
+    assert len(sampled.frames) == 4 and torch.equal(found, found[:1].expand(4, 10))
+    assert not torch.allclose(found[0], spread[sampled.frames].mean(0), atol=0.05)

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from fitting_core.fit.solvers.lbfgs import CostFunction, Limits, Reason, Result, lbfgs_steps
-from fitting_core.fit.solvers.line_search import CURVATURE, SUFFICIENT_DECREASE, LineSearches
 from tests.samples.scenes import finished
 
 Cost = Callable[[Tensor, Tensor], Tensor]
@@ -170,44 +169,3 @@ def test_limits_hold():
     result = minimise_lbfgs(with_gradient(rosenbrock), -random(3, 10).abs(), rounds=2, iterations=3)
     assert result.reasons == (Reason.ROUNDS,) * 3 and result.iterations.tolist() == [6] * 3
     assert result.rounds.tolist() == [2] * 3
-
-
-# Line search problems by Moré and Thuente (1994), section 5, and two with walls: value and slope at a step.
-LINES: dict[str, Cost] = {
-    "more-thuente 1": lambda t, _: -t / (t.square() + 2),
-    "more-thuente 2": lambda t, _: (t + 0.004).pow(5) - 2 * (t + 0.004).pow(4),
-    "wavy": lambda t, _: (t - 3).square() + 2 * (5 * t).sin() - 10 * t,
-    "wall": lambda t, _: t.neg() - 0.1 * (2 - t).log(),
-    "overflow": lambda t, _: (50 * t).exp() - 1e4 * t,
-    "cliff": lambda t, _: (1e4 * (t - 1)).clamp(max=200).exp() - t,
-    "flat, far": lambda t, _: -(1e-4 * t + 1).log() + 1e-10 * t.square(),
-}
-
-
-@pytest.mark.parametrize("name", LINES)
-def test_strong_wolfe_conditions_hold_at_accepted_steps(name: str):
-    line = with_gradient(LINES[name])
-    first = torch.cat([torch.logspace(-3, 3, 13, dtype=torch.float64), torch.tensor([1.02], dtype=torch.float64)])
-    rows = torch.arange(len(first))
-    zeros, ones = torch.zeros_like(first), torch.ones_like(first)[:, None]
-    cost0, slope0 = line(zeros, rows)
-    lines = LineSearches(ones, evaluations=30, smallest_move=0.0)
-    lines.begin(rows, step=first, cost=cost0, gradient=slope0[:, None], direction=ones)
-    going = rows
-    for _ in range(30):
-        cost, slope = line(lines.step[going], going)
-        finite = cost.isfinite() & slope.isfinite()
-        cost, slope = torch.where(finite, cost, torch.inf), torch.where(finite, slope, 0)
-        last = lines.low[going, 1]
-        found, failed = lines.advance(going, cost=cost, gradient=slope[:, None], slope=slope)
-        assert not bool(failed.any()) and bool((lines.low[going, 1] <= last).all())
-        going = going[~found]
-        if not len(going):
-            break
-    assert not len(going)
-    step = lines.low[:, 0]
-    cost, slope = line(step, rows)
-    torch.testing.assert_close(lines.low, torch.stack([step, cost, slope], -1), rtol=0, atol=0)
-    torch.testing.assert_close(lines.low_gradient[:, 0], slope, rtol=0, atol=0)
-    assert bool((cost <= cost0 + SUFFICIENT_DECREASE * step * slope0).all())
-    assert bool((slope.abs() <= -CURVATURE * slope0).all())

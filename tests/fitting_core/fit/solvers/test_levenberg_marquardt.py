@@ -16,7 +16,7 @@ from fitting_core.fit.solvers.solution import Progress, Solution
 from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.variables.state import Free, State
 from fitting_core.least_squares import DIAGONAL_FLOOR, Step, damping_diagonal
-from tests.samples.scenes import finished, keypoints_of, noisy, random_params, random_state, stages_of
+from tests.samples.scenes import finished, keypoints_of, listed, noisy, random_params, random_state, stages_of
 
 EXACT = SolverSettings(final_tolerance=1e-14, stage_tolerance=1e-14, iterations=300)
 
@@ -80,12 +80,8 @@ class Toy:
 
 
 def minimised(toy: Toy, settings: SolverSettings = EXACT) -> tuple[Solution, list[Progress]]:
-    steps, progress = LevenbergMarquardt(settings).minimise(toy, toy.start, final=True), []
-    while True:
-        try:
-            progress.append(next(steps))
-        except StopIteration as stop:
-            return stop.value, progress
+    progress, solution = listed(LevenbergMarquardt(settings).minimise(toy, toy.start, final=True))
+    return solution, progress
 
 
 STARTS = torch.tensor([[-1.2, 1.0], [5.0, -7.0], [0.0, 0.0], [1.0, 1.0], [30.0, 2.0]], dtype=torch.float64)

@@ -1,7 +1,5 @@
 """L-BFGS behind the solvers' interface: the same optima as Levenberg-Marquardt on all three problems."""
 
-from collections.abc import Generator
-
 import pytest
 import torch
 
@@ -10,12 +8,13 @@ from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames, Problem, Sample, SharedShape
 from fitting_core.fit.solvers.sequence import Sequence
-from fitting_core.fit.solvers.solution import Progress, Solution
+from fitting_core.fit.solvers.solution import Solution
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.terms.temporal import JointPositions, Smoothness
 from fitting_core.fit.variables.state import State
 from tests.samples.posed_clips import clip_of, motion, shipped_body
+from tests.samples.scenes import finished, listed
 
 pytestmark = pytest.mark.thorough
 
@@ -62,17 +61,8 @@ def sequence(stages: Stages, state: State) -> Problem:
 PROBLEMS = [every_frame, one_shape, sequence]
 
 
-def solve(steps: Generator[Progress, None, Solution]) -> tuple[list[Progress], Solution]:
-    progress = []
-    while True:
-        try:
-            progress.append(next(steps))
-        except StopIteration as stop:
-            return progress, stop.value
-
-
 def minimise(name: str, problem: Problem, start: State, settings: SolverSettings = TIGHT) -> Solution:
-    return solve(make_solver(name, settings).minimise(problem, start, final=True))[1]
+    return finished(make_solver(name, settings).minimise(problem, start, final=True))
 
 
 @pytest.mark.parametrize("make", PROBLEMS)
@@ -114,7 +104,7 @@ def test_overflowing_bend_does_not_leave_a_trace(stages, near_truth):
 def test_yields_between_evaluations_and_can_be_closed(stages, near_truth):
     solver = make_solver("lbfgs", TIGHT)
     steps = solver.minimise(every_frame(stages, near_truth), near_truth, final=False)
-    progress, _ = solve(steps)
+    progress, _ = listed(steps)
     assert len(progress) > 20
     iterations = [p.iteration for p in progress]
     assert iterations == sorted(iterations) and 10 < iterations[-1] <= solver.iterations

@@ -17,6 +17,7 @@ from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.temporal import JointPositions, Smoothness, off_mean
 from fitting_core.fit.variables.state import Free
 from fitting_core.least_squares import DIAGONAL_FLOOR
+from tests.fitting_core.fit.solvers.test_banded import dense
 from tests.samples.scenes import differentiated, hidden, keypoints_of, random_params, random_state, stages_of
 
 WEIGHT = 70.0
@@ -116,19 +117,6 @@ def step_of_all(scene: Scene, sequence: Sequence, free: range, *, windowed: bool
     return rows.mT @ rows
 
 
-def dense(blocks: tuple[Tensor, ...]) -> Tensor:
-    diagonal, *below = blocks
-    n, d = diagonal.shape[:2]
-    matrix = diagonal.new_zeros(n, d, n, d)
-    for i in range(n):
-        matrix[i, :, i] = diagonal[i]
-    for k, off in enumerate(below, 1):
-        assert len(off) == max(n - k, 0)
-        for i in range(n - k):
-            matrix[i + k, :, i], matrix[i, :, i + k] = off[i], off[i].mT
-    return matrix.view(n * d, n * d)
-
-
 VARIANTS = [
     *((case, False, False, False) for case in CASES),
     *((case, latent, True, False) for case in ("three frames", "inner window") for latent in (False, True)),
@@ -150,7 +138,7 @@ def test_blocks_and_gradient(
     cost, gradient, *blocks = sequence.normal(local, group)
     torch.testing.assert_close(cost, sequence.cost(local, group), rtol=1e-12, atol=1e-12)
     expected = step_of_all(scene, sequence, free, windowed=windowed)
-    torch.testing.assert_close(dense(tuple(b[0] for b in blocks)), expected, rtol=1e-10, atol=1e-9)
+    torch.testing.assert_close(dense([b[0] for b in blocks]), expected, rtol=1e-10, atol=1e-9)
 
     move = torch.zeros(1, sequence.unknowns, dtype=torch.float64, requires_grad=True)
     total = sequence.cost(local.moved(sequence.spread(move)), group).sum()
@@ -167,7 +155,7 @@ def test_step_is_the_dense_one(tiny_body: BodyModel, case: str):
     sequence = scene.sequence(free, windowed=windowed)
     normal = sequence.normal(scene.whole[free.start : free.stop], torch.tensor([0]))
     _, gradient, *blocks = normal
-    matrix, g = dense(tuple(b[0] for b in blocks)), gradient.flatten()
+    matrix, g = dense([b[0] for b in blocks]), gradient.flatten()
     diagonal = matrix.diagonal().view(len(free), -1)
     extra = 0.1 * diagonal.mean(1, keepdim=True) + DIAGONAL_FLOOR * diagonal.amax(1, keepdim=True)
     extra = extra.expand_as(diagonal).flatten()

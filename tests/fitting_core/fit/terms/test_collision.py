@@ -23,6 +23,7 @@ from fitting_core.fit.terms.collision import Collision
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import State
 from tests.samples.posed_clips import clip_of, motion, shipped_body
+from tests.samples.scenes import finished
 
 
 def arms_down(*angles: float) -> BodyParams:
@@ -138,12 +139,7 @@ def test_bodies_that_are_none_cost_infinitely_much(objective, state, wild):
 
 
 def minimised(solver: str, problem: IndependentFrames, start: State) -> Solution:
-    steps = make_solver(solver, SolverSettings(rounds=1)).minimise(problem, start, final=True)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as stop:
-            return stop.value
+    return finished(make_solver(solver, SolverSettings(rounds=1)).minimise(problem, start, final=True))
 
 
 @pytest.fixture(scope="module")
@@ -157,16 +153,10 @@ def hands_in_thighs() -> tuple[State, IndependentFrames]:
     return start, IndependentFrames(objective, stages.all_frames)
 
 
-@pytest.fixture(scope="module")
-def freed_by_lm(hands_in_thighs) -> Solution:
-    start, problem = hands_in_thighs
-    return minimised("lm", problem, start)
-
-
 @pytest.mark.thorough
-def test_levenberg_marquardt_frees_hands(hands_in_thighs, freed_by_lm):
+def test_levenberg_marquardt_frees_hands(hands_in_thighs):
     start, problem = hands_in_thighs
-    assert freed(problem, start, freed_by_lm) < 0.5
+    assert freed(problem, start, minimised("lm", problem, start)) < 0.5
 
 
 @pytest.mark.thorough
