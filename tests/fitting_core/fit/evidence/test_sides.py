@@ -8,11 +8,9 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from evaluation.synthetic.acting.performance import perform, standing_root
-from evaluation.synthetic.acting.script import Build, Failure, Mishaps, Script, failures
+from evaluation.synthetic.acting.script import Failure
 from evaluation.synthetic.simulated_detector import Detector, detect
 from evaluation.synthetic.studio.view import View
-from evaluation.synthetic.suite import MOTIONS, SEQUENCES, subject_body
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
@@ -36,10 +34,7 @@ POSES = {
 """Degrees (axis-angle) by joint."""
 ARMS = ("elbow", "wrist")
 USUAL = Detector()
-BAD, OFTEN = (
-    Detector(noise=2.4, confidence=0.8, guess=24.0, lost=0.5, bias=3.0),
-    Mishaps(chance=0.9, seconds=(0.28, 0.8)),
-)
+BAD = Detector(noise=2.4, confidence=0.8, guess=24.0, lost=0.5, bias=3.0)
 
 
 def before_camera(body: BodyModel, pose: np.ndarray, orient: Rotation, height: float = 1.4) -> Truth:
@@ -56,11 +51,11 @@ def before_camera(body: BodyModel, pose: np.ndarray, orient: Rotation, height: f
 
 
 def turning(body: BodyModel, pose: str, step: int, height: float) -> Truth:
-    """Two turns on the spot, by so many degrees a frame."""
+    """A turn on the spot and some more, by so many degrees a frame."""
     joints = np.zeros((21, 3))
     for joint, degrees in POSES[pose].items():
         joints[JOINT[joint] - 1] = np.radians(degrees)
-    yaw = Rotation.from_euler("y", np.arange(0.0, 720.0, step)[:, None], degrees=True)
+    yaw = Rotation.from_euler("y", np.arange(0.0, 440.0, step)[:, None], degrees=True)
     return before_camera(body, np.tile(joints.reshape(63), (len(yaw), 1)), yaw, height)
 
 
@@ -79,7 +74,7 @@ def detected(truth: Truth, happened: Sequence[Failure] = (), detector: Detector 
 def test_people_who_turn_keep_their_sides(free_body: BodyModel, pose: str, step: int):
     for height in (0.3, 1.4, 3.2):
         truth = turning(free_body, pose, step, height)
-        for detector in (Detector(noise=0.0), USUAL, BAD):
+        for detector in (USUAL, BAD):
             assert unswapped(detected(truth, detector=detector))[1] == {}, (height, detector)
 
 
@@ -93,37 +88,6 @@ def test_swaps_of_people_who_turn_are_found(free_body: BodyModel, pair: str, ste
     corrected, swaps = unswapped(detected(truth, (swap,)))
     assert {name: frames.tolist() for name, frames in swaps.items()} == {pair: list(range(first, first + 4))}
     np.testing.assert_array_equal(corrected.xy, detected(truth).xy)
-
-
-def acted(body: BodyModel, script: Script, times: np.ndarray, betas: Sequence[float], view: View, camera: Camera):
-    world = perform(body, script, times, np.random.default_rng(0), betas=betas)
-    rest, _ = standing_root(body, betas)
-    return truth_of(body, in_camera(world, rest[0], view.pose()), camera, 1 / (times[1] - times[0]))
-
-
-def in_swap(happened: Sequence[Failure], times: np.ndarray, pair: str) -> np.ndarray:
-    """Frames in which the detector swapped a pair of limbs."""
-    spans = [(f.start - 1e-9, f.stop - 1e-9) for f in happened if f.kind == "swapped" and pair in f.groups]
-    return np.flatnonzero([any(start <= t < stop for start, stop in spans) for t in times])
-
-
-@pytest.mark.parametrize("name", ["complex_1", "complex_3"])
-def test_swaps_of_the_suite_are_found(name: str):
-    """Nine of ten frames at least: at the edges of a swap limbs may lie on each other."""
-    sequence = SEQUENCES[name]
-    body, betas = subject_body(sequence.subject), sequence.subject.betas
-    motion = MOTIONS[sequence.motion]
-    script, hazards = motion(Build.of(body, betas), sequence.seconds, np.random.default_rng([sequence.seed, 1]))
-    happened = failures(hazards, OFTEN, np.random.default_rng([sequence.seed, 2]))
-    times = np.arange(sequence.frames) / sequence.frame_rate
-    truth = acted(body, script, times, betas, sequence.view, sequence.camera)
-    _, swaps = unswapped(detected(truth, happened, BAD))
-    total = 0
-    for pair in PAIRED:
-        expected, found = in_swap(happened, times, pair), swaps.get(pair, np.zeros(0, int))
-        total += len(expected)
-        assert set(found) <= set(expected) and len(found) >= 0.9 * len(expected)
-    assert total
 
 
 @pytest.mark.parametrize("part", ["shoulder", "hip"])

@@ -472,9 +472,15 @@ def normal_of(scene: Scene, term: Term, free: Free, *, kernels: bool, monkeypatc
     return objective.normal(scene.state, FRAMES)
 
 
-@pytest.mark.parametrize(("free", "kernels"), BY_KERNELS, ids=WAYS)
+@pytest.mark.parametrize(
+    ("which", "free", "kernels"),
+    [
+        *(("scene", *way) for way in BY_KERNELS),
+        *(("latent_scene", *way) for way in ((Free(), True), (FREES["no hands"], True), (Free(), False))),
+    ],
+    ids=[*WAYS, "latent, all, kernels", "latent, no hands, kernels", "latent, all, torch"],
+)
 @pytest.mark.parametrize("name", DERIVED)
-@pytest.mark.parametrize("which", ["scene", "latent_scene"])
 def test_gradient_is_exact_and_matrix_gauss_newton(
     name: str, free: Free, kernels: bool, which: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ):
