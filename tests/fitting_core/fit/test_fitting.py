@@ -61,7 +61,7 @@ EXACT = replace(
     yaws="four",
     relay_rounds=2,
     temporal=Temporal(mode="global", stages=(5,), weight=1.0),
-    settings=SolverSettings(iterations=100, final_tolerance=1e-9, sequence_tolerance=1e-9),
+    settings=SolverSettings(iterations=40, final_tolerance=1e-9, sequence_tolerance=1e-9),
 )
 
 
