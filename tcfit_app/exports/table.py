@@ -41,7 +41,8 @@ from tcfit_app.exports.pictures import write_chosen, write_frames_sheet, write_p
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.project.packed import pack
 
-Group = Literal["Motion", "Rigs", "Laboratory", "Meshes", "Video", "Keypoints", "Annotations", "Figures", "Project"]
+Group = Literal["Blender", "Unity, Unreal", "ELAN", "OpenSim", "Python", "Video", "Project"]
+"""The program that reads a format."""
 Needs = Literal["motion", "run", "keypoints"]
 """The required source: any fit; a project with a run; a project."""
 Write = Callable[[ExportSource, Path, Progress], str | None]
@@ -102,24 +103,17 @@ def _group(group: Group, formats: dict[str, tuple[str, str, Write, str]], **comm
 
 # fmt: off
 EXPORTS: dict[str, Export] = {
-    **_group("Motion", {
+    **_group("Blender", {
         "glb": ("Character (GLB)", ".glb", write_character,
-                "Skinned mesh with 55 joints and a moving face for Blender, Unity, Unreal, three.js; y up, metres")}),
-    **_group("Motion", {
+                "Skinned mesh with 55 joints and a moving face for Blender, Unity, Unreal, three.js; y up, metres"),
+        "bvh": ("Skeleton (BVH)", "-bvh", write_skeleton, "55 joints in metres and degrees; by default y up"),
+        "obj": ("OBJ sequence", "-obj", _of_frames(write_obj_sequence, "y-up"),
+                "The fit's own vertices, correctives included; by default y up")}),
+    **_group("Unity, Unreal", {
         "fbx": ("Character (FBX)", ".fbx", write_fbx,
                 "As GLB, for Unreal, Unity, Maya, MotionBuilder; written by an installed Blender; y up, centimetres"),
     }, missing=missing),
-    **_group("Motion", {
-        "npz": ("SMPL-X (npz)", ".smplx.npz", _of_motion(write_animation_npz, MOTION_FILES[".npz"].axes),
-                "SMPL-X's keys as AMASS and the Blender add-ons have them; by default z up"),
-        "bvh": ("Skeleton (BVH)", "-bvh", write_skeleton, "55 joints in metres and degrees; by default y up"),
-        "smplifyx": ("SMPLify-X (pkl)", "-smplifyx", write_frames,
-                     "A pickle for each frame, as SMPLify-X writes its results; in camera space")}),
-    **_group("Motion", {
-        "fit": ("Result (fit.npz)", ".fit.npz", write_result,
-                "As tcfit fit writes it: every phase, joints and camera, in camera space"),
-    }, needs="run"),
-    **_group("Rigs", {
+    **_group("Unity, Unreal", {
         "mixamo": ("Mixamo", ".mixamo.glb", on_rig("MIXAMO"),
                    "Skinned character on Mixamo's joints, with the person's bone lengths, from a T pose; y up, metres"),
         "unreal": ("Unreal", ".unreal.glb", on_rig("UNREAL"),
@@ -128,9 +122,17 @@ EXPORTS: dict[str, Export] = {
                 "The person as a VRM 1.0 avatar in T pose; VRM holds no motion, which VRM animation has"),
         "vrma": ("VRM animation", ".vrma", write_avatar_motion,
                  "The motion for any VRM 1.0 avatar, with the face for that of this person")}),
-    **_group("Laboratory", {
-        "joints": ("Joints (CSV)", ".joints.csv", _of_motion(write_joints_csv, "y-up"),
-                   "55 joint centres by frame, metres, by default y up; with error bars where they are known"),
+    **_group("ELAN", {
+        "elan": ("Tiers (.eaf)", ".eaf", write_elan,
+                 "Tiers over the video: notes, flags, review; phases and handshapes of each hand of the chosen fit"),
+    }, needs="run"),
+    **_group("ELAN", {
+        "pose": (".pose", ".pose", write_pose_file,
+                 "The sign-language field's binary format with OpenPose's points, with all corrections"),
+    }, needs="keypoints"),
+    **_group("OpenSim", {
+        "mot": ("Coordinates (MOT)", ".mot", _of_motion(write_mot, "y-up"),
+                "Coordinates of OpenSim's full-body model Rajagopal2015, by its own axes and signs"),
         "trc": ("Joints (TRC)", ".joints.trc", write_joints_trc,
                 "55 joint centres for OpenSim: text, millimetres, by default y up"),
         "trc-markers": ("Markers (TRC)", ".markers.trc", write_markers_trc,
@@ -138,46 +140,46 @@ EXPORTS: dict[str, Export] = {
                         "up"),
         "c3d": ("Markers (C3D)", ".c3d", write_marker_c3d,
                 "Markers, joint centres, foot strikes and feet off, in millimetres, by default z up"),
-        "contacts": ("Contacts (CSV)", ".contacts.csv", _of_motion(write_contacts, "camera"),
-                     "When which foot stands, in frames and seconds"),
         "angles": ("Joint angles (CSV)", ".angles.csv", _of_motion(write_angles_csv, "y-up"),
                    "Degrees by frame, with ISB's axes and signs, which the file states; empty where not determined"),
-        "mot": ("OpenSim (MOT)", ".mot", _of_motion(write_mot, "y-up"),
-                "Coordinates of OpenSim's full-body model Rajagopal2015, by its own axes and signs")}),
-    **_group("Meshes", {
-        "obj": ("OBJ sequence", "-obj", _of_frames(write_obj_sequence, "y-up"),
-                "The fit's own vertices, correctives included; by default y up")}),
+        "contacts": ("Contacts (CSV)", ".contacts.csv", _of_motion(write_contacts, "camera"),
+                     "When which foot stands, in frames and seconds")}),
+    **_group("Python", {
+        "fit": ("Result (fit.npz)", ".fit.npz", write_result,
+                "As tcfit fit writes it: every phase, joints and camera, in camera space"),
+    }, needs="run"),
+    **_group("Python", {
+        "npz": ("SMPL-X (npz)", ".smplx.npz", _of_motion(write_animation_npz, MOTION_FILES[".npz"].axes),
+                "SMPL-X's keys as AMASS and the Blender add-ons have them; by default z up"),
+        "smplifyx": ("SMPLify-X (pkl)", "-smplifyx", write_frames,
+                     "A pickle for each frame, as SMPLify-X writes its results; in camera space"),
+        "joints": ("Joints (CSV)", ".joints.csv", _of_motion(write_joints_csv, "y-up"),
+                   "55 joint centres by frame, metres, by default y up; with error bars where they are known")}),
+    **_group("Python", {
+        "figures": ("Curves (CSV)", ".figures.csv", write_figures_csv,
+                    "All curves of the timeline by frame, of A and B, as a table"),
+    }, needs="run", both=True),
+    **_group("Python", {
+        "summary": ("Summary (JSON)", ".summary.json", write_summary,
+                    "Errors, jitter, settings and versions of the chosen run"),
+    }, needs="run"),
+    **_group("Python", {
+        "openpose": ("OpenPose (JSON)", "-keypoints", write_openpose_folder,
+                     "The keypoints with all corrections, a file for each frame"),
+        "coco": ("COCO (JSON)", ".coco-wholebody.json", write_coco,
+                 "COCO-WholeBody: 133 keypoints with all corrections, in one file"),
+    }, needs="keypoints"),
     **_group("Video", {
+        "overlay": ("Overlay", ".overlay.mp4", write_chosen,
+                    "A video of the chosen fit and the keypoints, over the video or from the side"),
         "picture": ("Picture", ".png", write_picture,
                     "The middle frame with the chosen fit and the keypoints, over the video or from the side"),
         "sheet": ("Sheet", ".sheet.png", write_frames_sheet,
-                  "Up to 12 frames in one picture, evenly spaced, over the video or from the side"),
-        "overlay": ("Overlay", ".overlay.mp4", write_chosen,
-                    "A video of the chosen fit and the keypoints, over the video or from the side")}),
+                  "Up to 12 frames in one picture, evenly spaced, over the video or from the side")}),
     **_group("Video", {
         "side-by-side": ("Side by side", ".side-by-side.mp4", write_side_by_side,
                          "A video of A and B beside each other, with the keypoints, over the video or from the side"),
     }, needs="run", both=True),
-    **_group("Keypoints", {
-        "openpose": ("OpenPose", "-keypoints", write_openpose_folder,
-                     "JSON, a file for each frame, with all corrections"),
-        "coco": ("COCO (133)", ".coco-wholebody.json", write_coco,
-                 "COCO-WholeBody: 133 points in one JSON file, with all corrections"),
-        "pose": (".pose", ".pose", write_pose_file,
-                 "The sign-language field's binary format with OpenPose's points, with all corrections"),
-    }, needs="keypoints"),
-    **_group("Annotations", {
-        "elan": ("ELAN (.eaf)", ".eaf", write_elan,
-                 "Tiers over the video: notes, flags, review; phases and handshapes of each hand of the chosen fit"),
-    }, needs="run"),
-    **_group("Figures", {
-        "figures": ("CSV", ".figures.csv", write_figures_csv,
-                    "All curves of the timeline by frame, of A and B, as a table"),
-    }, needs="run", both=True),
-    **_group("Figures", {
-        "summary": ("Summary", ".summary.json", write_summary,
-                    "Errors, jitter, settings and versions of the chosen run, as JSON"),
-    }, needs="run"),
     **_group("Project", {
         "project": ("Project", ".tcfit.zip", _pack,
                     "Corrections, runs and marks as one file, which tcfit review opens; without a video that is only "
@@ -188,6 +190,18 @@ EXPORTS: dict[str, Export] = {
 }
 # fmt: on
 """By the name on the command line, in the order of their buttons."""
+PROGRAMS: dict[Group, dict[str, str]] = {
+    "Blender": {"glb": "GLB with body, fingers and face"},
+    "Unity, Unreal": {
+        "fbx": "FBX with body, fingers and face",
+        "glb": "GLB with body, fingers and face; for FBX, install Blender",
+    },
+    "ELAN": {"elan": "EAF with notes, hand phases, handshapes"},
+    "OpenSim": {"mot": "MOT for the model Rajagopal2015"},
+    "Python": {"fit": "NPZ with parameters, joints, camera"},
+    "Video": {"overlay": "MP4 of the fit over the video"},
+}
+"""What each program's button writes: the first of these formats that can be written, and what it has."""
 DEFAULTS = ("glb", "npz", "bvh")
 """The formats that `tcfit export` writes by default."""
 _RETARGET = "Export {} and retarget it to your character with the tools that docs/retargeting.md lists."
@@ -214,20 +228,35 @@ VIEW_HINT = "For pictures and videos: as the camera saw it, over the video; or u
 
 # --- of plugins ---
 
+_FORMER: dict[str, Group] = {
+    "Motion": "Blender",
+    "Rigs": "Unity, Unreal",
+    "Laboratory": "OpenSim",
+    "Meshes": "Blender",
+    "Keypoints": "Python",
+    "Annotations": "ELAN",
+    "Figures": "Python",
+}
+"""Groups that plugins for earlier versions name."""
+
 
 def exports() -> dict[str, Export]:
     """EXPORTS, followed by those of plugins."""
     return EXPORTS | {
-        name: replace(plugin.thing, write=_guarded(plugin))
+        name: replace(plugin.thing, group=_group_of(plugin.thing), write=_guarded(plugin))
         for name, plugin in added("tcfit.exports", Export, taken=EXPORTS).items()
         if _is_sound(plugin)
     }
 
 
+def _group_of(export: Export) -> Group:
+    return _FORMER.get(str(export.group), export.group)
+
+
 def _is_sound(plugin: Plugin[Export]) -> bool:
-    export = plugin.thing
+    export, groups = plugin.thing, get_args(Group)
     wrong = {
-        f"its group is {export.group!r}; expected one of {', '.join(get_args(Group))}": export.group in get_args(Group),
+        f"its group is {export.group!r}; expected one of {'; '.join(groups)}": _group_of(export) in groups,
         f"it needs {export.needs!r}; expected one of {', '.join(get_args(Needs))}": export.needs in get_args(Needs),
         f"its suffix is {export.suffix!r}; expected '.' or '-' and letters": _SUFFIX.fullmatch(str(export.suffix)),
     }

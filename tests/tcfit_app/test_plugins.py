@@ -109,6 +109,7 @@ def test_the_panel_export_has_it_and_hands_it_out(
     lab: None, tmp_path: Path, tiny_body: BodyModel, panel_server: viser.ViserServer
 ):
     with tiny_page(panel_server, tmp_path / "p", tiny_body, ExportPanel) as tested:
+        tested.page.tab.set(folds=frozenset({"export.formats"}))
         assert "Pelvis (CSV)" in tested.html()
         tested.fit()
         tested.press("export.begin", "pelvis")

@@ -7,12 +7,14 @@ from typing import ParamSpec
 from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.errors import InputError
 from fitting_core.keypoints import PARTS
+from tcfit_app.exports.table import exports
 from tcfit_app.review.browser.page_states import Hint, Hints, KeyBinding
 from tcfit_app.review.gestures.correcting import NUDGES, Correcting
 from tcfit_app.review.gestures.correcting_depth import CorrectingDepth, limbs_of
 from tcfit_app.review.gestures.detecting_again import DetectingAgain
 from tcfit_app.review.gestures.edit_words import part_name
 from tcfit_app.review.gestures.exchanging import Exchanging
+from tcfit_app.review.gestures.exporting import Exporting
 from tcfit_app.review.gestures.fitting import Fitting
 from tcfit_app.review.gestures.keyframing import keys_in
 from tcfit_app.review.gestures.noting import Noting
@@ -39,6 +41,7 @@ class Gestures:
         self.shaping = ShapingHands(tab, self.correcting)
         self.noting, self.exchanging = Noting(tab), Exchanging(tab, self.correcting)
         self.again = DetectingAgain(tab, self.correcting)
+        self.exporting = Exporting(tab)
 
     def show_first_steps(self) -> None:
         """Have the page show what someone who opens the app for the first time needs, each step with its key."""
@@ -460,6 +463,16 @@ _CLIPS: tuple[_Row, ...] = (
     ("previous_clip", "Previous clip of the list", "PageUp", lambda g: g.reviewing.leave("previous"), (_listed,)),
     ("list", "All clips", "Shift+Home", lambda g: g.reviewing.leave("list"), (_listed,)),
 )
+_EXPORT: tuple[_Row, ...] = tuple(
+    (
+        f"export_{name}",
+        f"Export: {export.title}{'' if export.group in ('Video', 'Project') else f', for {export.group}'}",
+        "",
+        lambda g, name=name: g.exporting.begin(name),
+        (lambda g, name=name: g.exporting.refuse(name),),
+    )
+    for name, export in exports().items()
+)
 _FAMILIES = {
     "Previous, next frame": ("previous", "next"),
     "10 frames back, forward": ("previous10", "next10"),
@@ -483,7 +496,15 @@ _REPEATING = {
     "redo",
     *(_nudge(name, pixels) for name in _WAYS for pixels in _NUDGES),
 }
-_GROUPS = {"Playing": _PLAYING, "View": _VIEW, "Keypoints": _KEYPOINTS, "Frames": _FRAMES, "Fit": _FIT, "Clips": _CLIPS}
+_GROUPS = {
+    "Playing": _PLAYING,
+    "View": _VIEW,
+    "Keypoints": _KEYPOINTS,
+    "Frames": _FRAMES,
+    "Fit": _FIT,
+    "Clips": _CLIPS,
+    "Export": _EXPORT,
+}
 ACTIONS: dict[str, Action] = {
     name: Action(
         title=title,

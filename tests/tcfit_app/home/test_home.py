@@ -286,7 +286,7 @@ def test_clips_are_exported_in_the_background(lab: Served):
     root = lab.home.catalogue.root
     with lab.socket() as page:
         send(page, type="formats")
-        assert "joints" in [choice["value"] for choice in received(page, "formats")["groups"]["Laboratory"]]
+        assert "joints" in [choice["value"] for choice in received(page, "formats")["groups"]["Python"]]
         new, fitted = lab.key("a new.tcfit"), lab.key("set/d approved.tcfit")
         send(page, type="export", keys=[new, fitted], formats=["joints"])
         ends: dict[str, Any] = {}

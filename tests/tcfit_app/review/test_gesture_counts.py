@@ -167,5 +167,5 @@ def test_a_fist_instead_of_a_flat_hand_over_twenty_frames(user: User, monkeypatc
 def test_a_glb(user: User):
     user.press("tab", "Export")
     with user.review.tab.expect_download() as waiting:
-        user.press("button", "GLB")
+        user.press("button", "Blender")
     assert waiting.value.suggested_filename.endswith(".glb") and user.count == 2

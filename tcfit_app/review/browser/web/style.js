@@ -152,9 +152,7 @@ export const PANEL_SHEET = `
 .tcfit-row { display: flex; align-items: center; gap: 4px; margin: 0 0 5px; }
 .tcfit-row:last-child { margin-bottom: 0; }
 .tcfit-wrap { flex-wrap: wrap; }
-.tcfit-cells { display: grid; grid-template-columns: 1fr 1fr; gap: 4px; flex: 1 1 0; min-width: 0; }
-.tcfit-row:has(> .tcfit-cells) { align-items: flex-start; margin-bottom: 9px; }
-.tcfit-row:has(> .tcfit-cells) > label { line-height: 25px; }
+.tcfit-cells { display: grid; grid-template-columns: 1fr 1fr; gap: 4px; }
 .tcfit-row > label { flex: none; width: 80px; color: var(--tcfit-dim); }
 .tcfit-panel button { display: inline-flex; align-items: center; justify-content: center; flex: 1 1 auto; min-width: 0;
   height: 25px; padding: 0 7px; border: 1px solid var(--tcfit-edge);
@@ -176,6 +174,9 @@ export const PANEL_SHEET = `
 .tcfit-panel button.tcfit-left { justify-content: space-between; }
 .tcfit-panel button.tcfit-fold { justify-content: flex-start; border-color: transparent; background: none; font-weight: 600; }
 .tcfit-panel button.tcfit-fold:hover:not(:disabled) { background: var(--tcfit-pointed); }
+.tcfit-panel button.tcfit-tall { width: 100%; height: auto; justify-content: flex-start; margin-bottom: 5px;
+  padding: 4px 9px; line-height: 1.35; text-align: left; white-space: normal; }
+.tcfit-panel button.tcfit-tall > span > span { display: block; }
 .tcfit-panel button.tcfit-mini { flex: none; height: 20px; padding: 0 7px; font-size: 13px; }
 .tcfit-panel kbd { flex: none; margin-left: 6px; font: 13px/1 ${FONT}; color: var(--tcfit-key); }
 .tcfit-panel button[aria-pressed=true] kbd, .tcfit-panel button.tcfit-main kbd { color: #ffffff; }

@@ -85,8 +85,8 @@ def button(
         obstacle: why it cannot be pressed now, if it cannot; its tooltip says so.
         keys: that do the same.
         hint: its tooltip.
-        kind: its style: "main", "danger", "left", "mini", "fold"; "close": in a window, Escape and a click outside
-            press it.
+        kind: its style: "main", "danger", "left", "mini", "tall", "fold"; "close": in a window, Escape and a click
+            outside press it.
         enter: Enter in the text field above presses it.
     """
     off, title = disabled or bool(obstacle), ". ".join(filter(None, (hint, obstacle)))

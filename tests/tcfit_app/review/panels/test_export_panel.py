@@ -28,6 +28,8 @@ from tests.drivers.lone_page import LonePage
 from tests.samples.sessions import FRAMES
 from tests.tcfit_app.review.panels.conftest import Opener
 
+FOLDS = frozenset({"export.formats", "export.axes"})
+
 _MADE = (
     "glb",
     "npz",
@@ -55,23 +57,34 @@ _MADE = (
 """Exports that need neither OpenGL nor a video."""
 
 
+def opened(panel_of: Opener) -> LonePage:
+    """The panel, with its folds open."""
+    tested = panel_of(ExportPanel)
+    tested.page.tab.set(folds=FOLDS)
+    return tested
+
+
 def downloaded(tested: LonePage, name: str) -> bytes:
     """What the browser gets of an export."""
+    tested.downloads.clear()
     tested.press("export.begin", name)
-    running = tested.panels[0].running
+    running = tested.page.gestures.exporting.running
     tested.settle()
+    assert running is not None
     assert running.state == "finished", running.reason
     assert "downloaded" in tested.html()
     return tested.downloads[running.title]
 
 
 def test_files_are_downloaded(panel_of: Opener):
-    tested = panel_of(ExportPanel)
+    tested = opened(panel_of)
+    exporting = tested.page.gestures.exporting
     assert tested.button("Summary").disabled and not tested.button("OpenPose").disabled
+    assert "There is no finished fit yet." in tested.html() and "Go to Fit" in tested.html()
     tested.page.receive(Press("export.begin", "summary"))
-    assert tested.panels[0].running is None, "a button that is off does nothing"
-    with pytest.raises(InputError, match="no fit to export"):
-        tested.panels[0]._begin(EXPORTS["summary"])
+    assert exporting.running is None, "a button that is off does nothing"
+    with pytest.raises(InputError, match="no finished fit to export"):
+        exporting.begin("summary")
     tested.fit()
     got = {name: downloaded(tested, name) for name in _MADE if not EXPORTS[name].missing()}
     with np.load(io.BytesIO(got["fit"]), allow_pickle=False) as fit:
@@ -94,13 +107,12 @@ def test_files_are_downloaded(panel_of: Opener):
 
 
 def test_run_frames_and_axes_are_chosen(panel_of: Opener):
-    tested = panel_of(ExportPanel)
+    tested = opened(panel_of)
     tested.fit()
-    tested.draw()
-    assert tested.button("selected").disabled
-    tested.page.tab.set(frames=range(2, 5))
+    assert "export.frames" not in tested.html() and "export.side" not in tested.html()
+    tested.page.tab.set(frames=range(2, 5), mode="ab")
     tested.click("frames 2–4")
-    tested.click("A: ")
+    tested.press("export.side", "a")
     tested.click("y up")
     run = tested.page.tab.session.fits.runs[0]
     first = tested.page.tab.session.fits.fit(run).phase(1)
@@ -116,24 +128,25 @@ def test_run_frames_and_axes_are_chosen(panel_of: Opener):
 
 
 def test_a_view_of_pictures_is_chosen(panel_of: Opener):
-    tested = panel_of(ExportPanel)
+    tested = opened(panel_of)
     tested.fit()
     for label, views in (("side", ("side",)), ("both", ("camera", "side")), ("camera", ("camera",))):
         tested.press("export.view", {"camera": ""}.get(label, label))
-        assert tested.panels[0]._source(EXPORTS["picture"]).views == views
+        assert tested.page.gestures.exporting.source(EXPORTS["picture"]).views == views
 
 
 @pytest.mark.parametrize("missing", ["Install Blender first.", ""])
 def test_fbx_waits_for_blender(panel_of: Opener, monkeypatch: pytest.MonkeyPatch, missing: str):
     monkeypatch.setitem(EXPORTS, "fbx", replace(EXPORTS["fbx"], missing=lambda: missing))
-    tested = panel_of(ExportPanel)
+    tested = opened(panel_of)
     tested.fit()
     tested.draw()
     assert tested.button("Character (FBX)").disabled == bool(missing) and missing in tested.html()
+    assert tested.button("Unity, Unreal").value == ("glb" if missing else "fbx")
 
 
 def test_the_axes_of_the_calibration_are_offered_where_a_camera_stands_in_a_world(panel_of: Opener):
-    tested = panel_of(ExportPanel)
+    tested = opened(panel_of)
     project = tested.page.tab.session.project
     assert "calibration" not in tested.html()
     turned = ((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))
@@ -151,16 +164,16 @@ def test_the_axes_of_the_calibration_are_offered_where_a_camera_stands_in_a_worl
 
 
 def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of: Opener):
-    tested = panel_of(ExportPanel)
+    tested = opened(panel_of)
     run, clip = tested.fit(), tested.page.tab.session.project.clip.name
 
     def name(export: str) -> str:
         downloaded(tested, export)
-        return tested.panels[0].running.title.removeprefix(clip)
+        return next(iter(tested.downloads)).removeprefix(clip)
 
     assert [name(export) for export in ("npz", "figures", "pose")] == [".smplx.npz", ".figures.csv", ".pose"]
-    tested.press("export.side", "A")
-    tested.page.tab.set(frames=range(2, 5))
+    tested.page.tab.set(frames=range(2, 5), mode="ab")
+    tested.press("export.side", "a")
     tested.press("export.frames", "selected")
     assert name("npz") == f"-run{run.id}-per-frame-2-4.smplx.npz"
     assert name("figures") == "-2-4.figures.csv", "it shows A and B"
@@ -170,20 +183,17 @@ def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of
     assert name("figures") == f"-run{run.id}-shared-shape-run{run.id}-temporal.figures.csv"
     second = tested.fit()
     tested.page.tab.set(b=FitChoice(run=run.id))
-    tested.press("export.side", "B")
+    tested.page.tab.set(mode="edit")
     assert name("summary") == f"-run{run.id}-temporal.summary.json"
     tested.page.tab.set(b=FitChoice(run=second.id))
     assert name("summary") == ".summary.json"
 
 
 def test_long_names_of_runs_are_told_apart(panel_of: Opener):
-    tested = panel_of(ExportPanel)
+    tested = opened(panel_of)
     run = tested.fit()
     name = f"a very long name {'of a run ' * 15}corrected"
     tested.page.tab.session.project.runs.rename(run.id, name)
-    shown = tested.html()
-    assert f'<span class="tcfit-name">{name}</span><span class="tcfit-phase"> · temporal</span>' in shown
-    assert f'title="{name} · temporal"' in shown
     renamed = tested.page.tab.session.fits.runs[0]
     others = [replace(renamed, id=2, name=f"{name} twice"), replace(renamed, id=3, name=f"{name[:9]}, {name}")]
     names = run_names([renamed, *others])
@@ -193,7 +203,7 @@ def test_long_names_of_runs_are_told_apart(panel_of: Opener):
 
 
 def test_the_project_is_downloaded(panel_of: Opener, tmp_path: Path):
-    tested = panel_of(ExportPanel)
+    tested = opened(panel_of)
     tested.fit()
     (tmp_path / "got.zip").write_bytes(downloaded(tested, "project"))
     unpack(tmp_path / "got.zip", tmp_path / "got.tcfit")
@@ -202,7 +212,7 @@ def test_the_project_is_downloaded(panel_of: Opener, tmp_path: Path):
 
 
 def test_exported_keypoints_are_the_corrected_ones(panel_of: Opener, tmp_path: Path):
-    tested = panel_of(ExportPanel)
+    tested = opened(panel_of)
     session = tested.page.tab.session
     session.project.append(MoveKeypoint(frames=(3,), joints=(4,), xy=(((12.5, 34.25),),)))
     (tmp_path / "got.zip").write_bytes(downloaded(tested, "openpose"))
@@ -229,9 +239,9 @@ def broken(source: ExportSource, path: Path, progress: Progress) -> None:
 
 def exporting(panel_of: Opener, monkeypatch: pytest.MonkeyPatch, write: Callable[..., None]) -> LonePage:
     """The panel, with a format that is written so."""
-    export = Export(title="Odd", group="Motion", suffix=".x", hint="", write=write, needs="keypoints")
+    export = Export(title="Odd", group="Blender", suffix=".x", hint="", write=write, needs="keypoints")
     monkeypatch.setitem(EXPORTS, "odd", export)
-    return panel_of(ExportPanel)
+    return opened(panel_of)
 
 
 def test_an_export_can_be_cancelled(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
@@ -255,7 +265,8 @@ def test_why_an_export_fails_is_told(panel_of: Opener, monkeypatch: pytest.Monke
 def test_an_export_ends_with_its_tab(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
     tested = exporting(panel_of, monkeypatch, endless)
     tested.press("export.begin", "odd")
-    running = tested.panels[0].running
+    running = tested.page.gestures.exporting.running
+    assert running is not None
     tested.page.close()
     tested.until(lambda: running.state == "cancelled")
     tested.until(lambda: not tested.page.tab.session.tasks.busy)

@@ -208,6 +208,7 @@ def test_axes_with_a_calibrated_camera_are_shown_in_full(opened: Reviewing):
     world = World(rotation=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), translation=(0.3, 1.2, 4.0), up="z")
     opened.app.post(lambda: project.set_camera(replace(project.clip.camera, world=world)))
     opened.tab.get_by_role("tab", name="Export", exact=True).click()
+    opened.tab.get_by_text("Axes and view", exact=True).click()
     opened.tab.get_by_role("button", name="calibration's").wait_for()
     assert opened.tab.locator(".tcfit-joined button > span").evaluate_all(_CUT) == []
 
