@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 from msgspec import inspect
 
+from fitting_core.render.colors import COLORS
 from tcfit_app.review.browser import page_events, page_states
 from tcfit_app.review.browser.page_states import STATES, PageRequest
 
@@ -32,7 +33,9 @@ def wire_types() -> str:
     events = " | ".join(kind.__name__ for kind in _structs(page_events) if kind is not page_events.Envelope)
     requests = _type(inspect.type_info(PageRequest))
     parts = [_HEAD, *map(_interface, kinds), f"export interface States {{\n{states}\n}}\n"]
-    unions = f"export type PageRequest = {requests};\n", f"export type PageEvent =\n  {events};\n"
+    meanings = " | ".join(f'"{name}"' for name in COLORS)
+    unions = [f"export type PageRequest = {requests};\n", f"export type PageEvent =\n  {events};\n"]
+    unions.append(f"/** Names of COLORS. */\nexport type Meaning =\n  {meanings};\n")
     return "\n".join([*parts, *unions])
 
 

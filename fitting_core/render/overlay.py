@@ -16,6 +16,7 @@ from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import StrPath
 from fitting_core.keypoints import BONES, GROUPS, Keypoints
 from fitting_core.motion import CHUNK, Motion
+from fitting_core.render.colors import rgb
 from fitting_core.render.renderer import DEFAULT_COLOR, Renderer, scaled_camera
 from fitting_core.video.encoding import video_writer
 
@@ -25,15 +26,6 @@ ViewName = Literal["camera", "side"]
 ImageOf = Callable[[int], Image]
 """From a frame of the motion, counted from its first as 0, to the video's image, RGB."""
 HEIGHT = 720
-PANEL_COLORS = ((0.22, 0.52, 0.90), (0.93, 0.45, 0.20), (0.30, 0.65, 0.35), (0.62, 0.40, 0.75))
-"""Linear RGB of the bodies beside each other, blue and orange as A and B in the app."""
-GROUP_COLORS = {
-    "body": (250, 215, 60),
-    "left_hand": (60, 230, 120),
-    "right_hand": (255, 90, 150),
-    "face": (120, 220, 255),
-}
-"""sRGB of the keypoints, by group of fitting_core.keypoints."""
 _OPACITY = 0.9
 _GAP = 4
 _PLAIN = 235
@@ -221,13 +213,14 @@ def draw_keypoints(
     # Coordinates count from the image's corner, OpenCV's from the middle of the first pixel.
     places = np.round((xy - 0.5) * 2**_SUBPIXEL_BITS).astype(int)
     for name, group in GROUPS.items():
+        full = rgb(name)
         for a, b in BONES:
             if group.start <= a < group.stop and seen[a] and seen[b]:
-                color = _dimmed(GROUP_COLORS[name], min(confidence[a], confidence[b]))
+                color = _dimmed(full, min(confidence[a], confidence[b]))
                 cv2.line(image, places[a].tolist(), places[b].tolist(), color, 1, cv2.LINE_AA, _SUBPIXEL_BITS)
         radius = (3 if name == "body" else 1) * 2**_SUBPIXEL_BITS
         for k in np.flatnonzero(seen[group]) + group.start:
-            color = _dimmed(GROUP_COLORS[name], confidence[k])
+            color = _dimmed(full, confidence[k])
             cv2.circle(image, places[k].tolist(), radius, color, -1, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 

@@ -13,13 +13,16 @@ from fitting_core.clip import Clip
 from fitting_core.io.motion_files import motion_of
 from fitting_core.keypoints import Keypoints
 from fitting_core.motion import Progress
-from fitting_core.render.overlay import PANEL_COLORS, Cell, ImageOf, Shown, pictures, write_overlay, write_sheet
+from fitting_core.render.colors import linear
+from fitting_core.render.overlay import Cell, ImageOf, Shown, pictures, write_overlay, write_sheet
 from fitting_core.results.fit_result import FitResult
 from fitting_core.video.frames import FrameSource
 from tcfit_app.exports.source import ExportedFit, ExportSource
 
 _CELLS, _COLUMNS, _CELL_HEIGHT = 12, 4, 360
 """Pictures of a sheet at most, evenly spaced in time; how many in a row; and their height in pixels."""
+
+_FIT = linear("fit")
 
 
 def write_comparison(
@@ -31,8 +34,8 @@ def write_comparison(
     if len(fit.phases) > 1:
         phases.append((fit.last, f"phase {fit.last.phase}: final"))
     shown = [
-        Shown(motion=motion_of(fit, clip, body, phase=phase.phase), color=color, label=label)
-        for (phase, label), color in zip(phases, PANEL_COLORS, strict=False)
+        Shown(motion=motion_of(fit, clip, body, phase=phase.phase), color=_color(phases, k), label=label)
+        for k, (phase, label) in enumerate(phases)
     ]
     with (
         tqdm(total=len(clip), desc="Overlay", unit="frame", disable=None) as bar,
@@ -55,7 +58,8 @@ def write_chosen(source: ExportSource, path: Path, progress: Progress) -> None:
 def write_side_by_side(source: ExportSource, path: Path, progress: Progress) -> None:
     """A video of A and B beside each other; raises as `write_chosen`."""
     fits = list(source.compared) or [source.fit]
-    _write_video(source, path, [_of_fit(source, fit, k) for k, fit in enumerate(fits)], progress)
+    shown = [_of_fit(source, fit, _color(fits, k)) for k, fit in enumerate(fits)]
+    _write_video(source, path, shown, progress)
 
 
 def write_picture(source: ExportSource, path: Path, progress: Progress) -> None:
@@ -99,12 +103,16 @@ def _write_video(source: ExportSource, path: Path, shown: Sequence[Shown], progr
 def _shown(source: ExportSource) -> Shown:
     """The chosen fit, or the motion of a result."""
     if source.known_motion is None:
-        return _of_fit(source, source.fit, 0)
-    return Shown(motion=source.known_motion.in_axes("camera"), color=PANEL_COLORS[0], label=source.name)
+        return _of_fit(source, source.fit, _FIT)
+    return Shown(motion=source.known_motion.in_axes("camera"), color=_FIT, label=source.name)
 
 
-def _of_fit(source: ExportSource, fit: ExportedFit, place: int) -> Shown:
-    color = PANEL_COLORS[place % len(PANEL_COLORS)]
+def _color(fits: Sequence[object], place: int) -> tuple[float, float, float]:
+    """The last of the fits is the one that the others are compared with, as in the app."""
+    return _FIT if place == len(fits) - 1 else linear("beside")
+
+
+def _of_fit(source: ExportSource, fit: ExportedFit, color: tuple[float, float, float]) -> Shown:
     return Shown(motion=fit.motion(source.clip), color=color, label=fit.shown.title)
 
 

@@ -186,11 +186,15 @@ class Page:
         RECEIVERS[type(event)](self, event)
 
     def _hello(self, event: page_events.Hello) -> None:
-        set_theme(self.tab.client.gui, dark=event.dark)
         rows = None if event.plots is None else tuple(dict.fromkeys(name for name in event.plots if name in PLOTS))
         self.tab.greet(event, plots=rows and rows[:MOST_ROWS])
+        self._theme(event)
         if not event.hinted and self.tab.session.project.has_detections:
             self.gestures.show_first_steps()
+
+    def _theme(self, event: page_events.Hello | page_events.Theme) -> None:
+        set_theme(self.tab.client.gui, dark=event.dark)
+        self.tab.set(dark=event.dark)
 
     def _resized(self, event: page_events.Resized) -> None:
         self.tab.size = (event.width, event.height)
@@ -327,7 +331,7 @@ class Page:
 RECEIVERS: dict[type, Callable[[Page, Any], None]] = {
     page_events.Hello: Page._hello,
     page_events.Resized: Page._resized,
-    page_events.Theme: lambda page, event: set_theme(page.tab.client.gui, dark=event.dark),
+    page_events.Theme: Page._theme,
     page_events.Key: Page._key,
     page_events.Seek: Page._seek,
     page_events.Range: Page._range,

@@ -11,6 +11,7 @@ from threading import Thread
 
 import viser
 
+from fitting_core.render.colors import rgb
 from tcfit_app.server.address import Address, listen
 from tcfit_app.server.gate import Entry, Gate
 from tcfit_app.server.gated_viser import TalkingSite, gated_viser
@@ -18,8 +19,6 @@ from tcfit_app.server.viser_bridge import run_javascript
 
 HOST = "127.0.0.1"
 PORT = 8080
-BRAND_COLOR = (40, 140, 220)
-"""Of buttons and sliders, RGB."""
 PANEL_WIDTH = 340
 """CSS pixels of the panels at the right."""
 
@@ -120,7 +119,7 @@ def _aside(say: Say, text: str) -> None:
 
 def set_theme(gui: viser.GuiApi, *, dark: bool) -> None:
     """Light or dark panels, of a server's pages or of one client's."""
-    gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False, brand_color=BRAND_COLOR)
+    gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False, brand_color=rgb("accent", dark=dark))
 
 
 def set_title(receiver: viser.ViserServer | viser.ClientHandle, title: str) -> None:

@@ -257,8 +257,8 @@ ROWS = states.Rows(
             title="Error",
             unit="px",
             curves=(
-                states.Curve(label="A", color="#5aa0ff", values=states.curve_values(np.linspace(1, 300, LENGTH))),
-                states.Curve(label="B", color="#ff963c", values=(None,) * LENGTH),
+                states.Curve(label="A", color="beside", values=states.curve_values(np.linspace(1, 300, LENGTH))),
+                states.Curve(label="B", color="fit", values=(None,) * LENGTH),
             ),
         ),
     ),

@@ -8,7 +8,7 @@ export interface Poster {
   kind: "picture" | "side" | "video";
   clipped: boolean;
   label: string;
-  color: string;
+  color: "beside" | "body" | "face" | "fit" | "left_hand" | "right_hand" | null;
 }
 
 export interface Layout {
@@ -19,7 +19,7 @@ export interface Layout {
 }
 
 export interface FitBody {
-  color: string;
+  color: "beside" | "body" | "face" | "fit" | "left_hand" | "right_hand";
   points: ([number, number, number] | null)[];
   pelvis: number;
   error_bars: ([number, number] | null)[];
@@ -64,7 +64,6 @@ export interface Group {
   name: string;
   start: number;
   stop: number;
-  color: string;
   radius: number;
 }
 
@@ -113,7 +112,7 @@ export interface Selection {
 
 export interface Curve {
   label: string;
-  color: string;
+  color: "beside" | "body" | "face" | "fit" | "left_hand" | "right_hand";
   values: (number | null)[];
   error_bars: (number | null)[];
   unseen: [number, number][];
@@ -467,3 +466,7 @@ export type PageRequest = ShowPanel | CopyLink | Leave | Hints;
 
 export type PageEvent =
   Hello | Theme | Resized | Key | Seek | Range | OpenLink | Plot | MoveKey | LookAt | Select | Drag | DragDepth | Framed | Press | TooLarge | Gesture | GoToPerson | Drawn | Stranger;
+
+/** Names of COLORS. */
+export type Meaning =
+  "accent" | "fit" | "beside" | "body" | "left_hand" | "right_hand" | "face" | "selected" | "suspicious" | "bad" | "checked" | "strong";

@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 import viser
 
+from fitting_core.render.colors import COLORS
 from tcfit_app.review.browser.page_events import PageEvent, Stranger, decode
 from tcfit_app.review.browser.page_states import STATES, PageRequest, PageState
 from tcfit_app.server.screen import Dropped
@@ -112,9 +113,10 @@ _LOADER = "load.js"
 
 @cache
 def web_files() -> dict[str, bytes]:
-    """The page's modules by URL path, such as "/tcfit/picture/overlay.js"."""
+    """The page's modules by URL path, such as "/tcfit/picture/overlay.js"; "/tcfit/colors.js" is made from COLORS."""
     found = sorted(path for path in _FOLDER.rglob("*.js") if path.name != _LOADER)
-    return {f"/tcfit/{path.relative_to(_FOLDER).as_posix()}": path.read_bytes() for path in found}
+    colors = {"/tcfit/colors.js": f"export const COLORS = {_json(COLORS)};\n".encode()}
+    return colors | {f"/tcfit/{path.relative_to(_FOLDER).as_posix()}": path.read_bytes() for path in found}
 
 
 @cache

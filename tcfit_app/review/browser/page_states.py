@@ -1,6 +1,6 @@
 """What the server sends the page: plain values, each replacing the previous one of the same name.
 
-Frames are indices into the clip, from 0. Image pixels: x right, y down. Colours are CSS colours ("#4da3ff").
+Frames are indices into the clip, from 0. Image pixels: x right, y down.
 """
 
 from typing import Annotated, Literal
@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from fitting_core import keypoints
 from fitting_core.frame_runs import runs
 
-Color = Annotated[str, msgspec.Meta(pattern="^#[0-9a-fA-F]{6}$")]
+Color = Literal["fit", "beside", "body", "left_hand", "right_hand", "face"]
+"""A name in `COLORS`: the page has them, for dark and light ground."""
 Span = tuple[int, int]
 """First and last frame, both included."""
 Triple = tuple[float, float, float]
@@ -41,7 +42,8 @@ class Poster(_State, frozen=True, kw_only=True):
     """Bodies are clipped to the picture."""
     label: str
     """Text in its window's corner; empty for none."""
-    color: Color = "#cfd6df"
+    color: Color | None = None
+    """Of a fit."""
 
 
 class Layout(_State, frozen=True, kw_only=True):
@@ -136,17 +138,15 @@ class OtherPeople(_State, frozen=True, kw_only=True):
 
 
 class Group(_State, frozen=True, kw_only=True):
-    """Keypoints start ... stop - 1."""
+    """Keypoints start ... stop - 1, in the colour of the same name."""
 
     name: str
     start: int
     stop: int
-    color: Color
     radius: float
     """Size of a point, in CSS pixels."""
 
 
-GROUP_COLORS = {"body": "#4da3ff", "left_hand": "#2fd39a", "right_hand": "#ff7ab8", "face": "#c58bff"}
 GROUP_RADII = {"body": 5.0, "left_hand": 3.0, "right_hand": 3.0, "face": 2.5}
 
 
@@ -156,8 +156,7 @@ class Skeleton(_State, frozen=True, kw_only=True):
     names: tuple[str, ...] = tuple(keypoints.NAMES)
     """As shown to users."""
     groups: tuple[Group, ...] = tuple(
-        Group(name=name, start=s.start, stop=s.stop, color=GROUP_COLORS[name], radius=GROUP_RADII[name])
-        for name, s in keypoints.GROUPS.items()
+        Group(name=name, start=s.start, stop=s.stop, radius=GROUP_RADII[name]) for name, s in keypoints.GROUPS.items()
     )
     bones: tuple[tuple[int, int], ...] = tuple(keypoints.BONES)
     hands: tuple[tuple[int, int, int], ...] = ()
@@ -474,7 +473,7 @@ class Legend(_State, frozen=True, kw_only=True):
     unit: str
     low: float
     high: float
-    colors: tuple[Color, ...]
+    colors: tuple[Annotated[str, msgspec.Meta(pattern="^#[0-9a-f]{6}$")], ...]
     """Evenly from low to high."""
 
 

@@ -12,35 +12,29 @@ from jaxtyping import Bool, Float, Float32
 
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
+from fitting_core.render.colors import rgb
 from tcfit_app.analysis.curves import vertex_distances
 from tcfit_app.analysis.seen import seen_joints, unseen_keypoints
 from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.review.browser.page_states import Color
 from tcfit_app.review.scene.layers import (
     MOST_OTHERS,
-    OTHER_COLOR,
     OTHER_OPACITY,
-    RGB,
-    RUN_COLORS,
     BodyLayer,
     FrameImage,
-    css,
 )
 from tcfit_app.review.scene.room import Room
 from tcfit_app.review.scene.side_view import SideView, side_view
 from tcfit_app.review.scene.space import Rings
 from tcfit_app.review.scene.windows import Arrangement
 from tcfit_app.review.shared.drawing_data import FrameBody
-from tcfit_app.review.tab.on_show import SLOTS, OnShow, Slot, coming, live_window
+from tcfit_app.review.tab.on_show import SLOT_COLORS, OnShow, Slot, coming, live_window
 from tcfit_app.review.tab.people import ReviewedPerson
 from tcfit_app.review.tab.state import TabState
 from tcfit_app.review.tab.tab import Tab
 
 _AHEAD = 24
 """Frames decoded ahead of playback."""
-PLAIN_COLOR = "#8a94a3"
-"""Colour of the names that are not those of fits."""
-COLORS: dict[Slot, RGB] = dict(zip(SLOTS, RUN_COLORS, strict=True))
-CSS_COLORS = {side: css(color) for side, color in COLORS.items()}
 Vertices = Float32[np.ndarray, "V 3"]
 Present = Bool[np.ndarray, "137"] | None
 _OTHER: dict[Slot, Slot] = {"a": "b", "b": "a"}
@@ -79,7 +73,7 @@ class Frame:
     """If there is a side view."""
     arrangement: Arrangement
     """Of two pictures."""
-    labels: tuple[tuple[str, str], ...]
+    labels: tuple[tuple[str, Color | None], ...]
     """Name and colour of each body's place."""
     rings: Rings | None
 
@@ -196,7 +190,7 @@ class Frames:
         return BodyLayer(
             vertices=vertices,
             faces=meshes.faces,
-            color=COLORS[side],
+            color=rgb(SLOT_COLORS[side]),
             camera=body.shown.camera,
             opacity=state.opacity,
             opacities=None if present is None else meshes.opacities(seen_joints(present)),
@@ -243,7 +237,7 @@ class Frames:
         layer = BodyLayer(
             vertices=vertices,
             faces=faces,
-            color=OTHER_COLOR,
+            color=rgb("beside"),
             camera=fit.camera,
             opacity=min(state.opacity, OTHER_OPACITY),
             outline=state.outline,
@@ -251,10 +245,10 @@ class Frames:
         return Other(someone=someone, body=body, layer=layer)
 
 
-def _label(shown: OnShow, side: Slot | None, present: Present) -> tuple[str, str]:
+def _label(shown: OnShow, side: Slot | None, present: Present) -> tuple[str, Color | None]:
     """Name and colour of a fit; of the video for no side."""
     if side is None:
-        return "Video", PLAIN_COLOR
+        return "Video", None
     fit = shown.fit(side)
     if fit is None:
         title = "no fit yet"
@@ -262,4 +256,4 @@ def _label(shown: OnShow, side: Slot | None, present: Present) -> tuple[str, str
         title = f"{fit.title}: {'not fitted yet' if fit.result is None else 'no pose in this frame'}"
     else:
         title = fit.title if present is None or present.any() else f"{fit.title}: no keypoints here"
-    return f"{side.upper()}   {title}", CSS_COLORS[side]
+    return f"{side.upper()}   {title}", SLOT_COLORS[side]

@@ -9,6 +9,7 @@ from fitting_core.results.error_bars import JOINTS
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser.page_states import (
     Bodies,
+    Color,
     FitBody,
     Layout,
     Legend,
@@ -20,7 +21,7 @@ from tcfit_app.review.browser.page_states import (
 )
 from tcfit_app.review.browser.page_states import Poster as PosterPlace
 from tcfit_app.review.browser.page_states import Space as SpaceState
-from tcfit_app.review.drawing.frame import CSS_COLORS, PLAIN_COLOR, Frame, Frames
+from tcfit_app.review.drawing.frame import Frame, Frames
 from tcfit_app.review.drawing.overlays import draw_overlays
 from tcfit_app.review.drawing.status import lasting
 from tcfit_app.review.scene.layers import DISTANCE_LIMIT, BodyLayer, color_table, css
@@ -30,7 +31,7 @@ from tcfit_app.review.scene.room import Room
 from tcfit_app.review.scene.side_view import DIRECTION_TEXTS, SideView
 from tcfit_app.review.scene.space import Rings, Space
 from tcfit_app.review.shared.drawing_data import FrameBody
-from tcfit_app.review.tab.on_show import SLOTS, OnShow
+from tcfit_app.review.tab.on_show import SLOT_COLORS, SLOTS, OnShow
 from tcfit_app.review.tab.state import HELD_BY
 from tcfit_app.review.tab.tab import Tab
 
@@ -90,7 +91,7 @@ class Picture:
         tab.scene.cameras.follow(tab.size if tab.size[0] else None, covered)
         tab.scene.show(snapshot)
         if isinstance(snapshot, Posters):
-            beside = () if frame.side is None else ((DIRECTION_TEXTS[tab.state.side_from], PLAIN_COLOR),)
+            beside = () if frame.side is None else ((DIRECTION_TEXTS[tab.state.side_from], None),)
             window = tab.scene.cameras.window
             layout = poster_layout(snapshot, (*frame.labels, *beside), window, clipped=tab.state.clipped)
         else:
@@ -130,6 +131,7 @@ class Picture:
             place=np.zeros(3) if room is None else room.place,
             ground=None if room is None else room.floor,
             ghost=frame.state.ghost and len(bodies) == len(SLOTS),
+            dark=frame.state.dark,
             rings=frame.rings if "b" in frame.visible else None,
         )
 
@@ -148,7 +150,7 @@ class Picture:
         for side, body in frame.fitted.items():
             made.append(
                 FitBody(
-                    color=CSS_COLORS[side],
+                    color=SLOT_COLORS[side],
                     points=points_in_space(self._tab.data.body_points(body)),
                     pelvis=round(self._tab.data.pelvis_depth(body), 4),
                     error_bars=() if body.live is not None else error_bars_of(body.shown, body.frame),
@@ -197,7 +199,9 @@ def error_bars_of(fit: Shown, frame: int) -> tuple[tuple[float, float] | None, .
     return tuple(None if joint is None else bars[joint] for joint in _JOINTS)
 
 
-def poster_layout(snapshot: Posters, named: tuple[tuple[str, str], ...], canvas: Window, *, clipped: bool) -> Layout:
+def poster_layout(
+    snapshot: Posters, named: tuple[tuple[str, Color | None], ...], canvas: Window, *, clipped: bool
+) -> Layout:
     """The positions and labels of the posters."""
     division = snapshot.divide(canvas)
     pictures = len(snapshot.posters)

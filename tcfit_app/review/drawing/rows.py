@@ -12,16 +12,13 @@ from tcfit_app.analysis.levels import LEVELS, LevelSpans
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.page_states import curve_values
-from tcfit_app.review.scene.layers import RUN_COLORS, css
-from tcfit_app.review.tab.on_show import SLOTS, Slot
+from tcfit_app.review.tab.on_show import SLOT_COLORS, SLOTS, Slot
 from tcfit_app.review.tab.tab import Tab
 
 Value = TypeVar("Value", Curve, LevelSpans)
 
 MOST_ROWS = 6
 """More would make each too low to read."""
-_COMPARED = "#c9a3ff"
-"""Colour of comparisons of A and B."""
 _NO_FIT = "Curves appear here once there is a fit."
 _MEASURING = "Measuring …"
 _NOTHING = "There is nothing to measure in this clip."
@@ -163,7 +160,7 @@ class Rows:
 
     def _lines(self, plot: Plot, found: _Found) -> Iterator[states.Curve]:
         for side, curve in found.curves:
-            label, color = ("", _COMPARED) if plot.how == "between" else (self._label(side), _color(side))
+            label, color = ("", "beside") if plot.how == "between" else (self._label(side), SLOT_COLORS[side])
             bars = () if curve.error_bars is None else curve_values(curve.error_bars, digits=3)
             values = curve_values(curve.values)
             yield states.Curve(label=label, color=color, values=values, error_bars=bars, unseen=_unseen(curve))
@@ -189,7 +186,3 @@ def _origin(shown: Shown) -> Hashable:
     """The same for a fit and its corrections: its curves stay on show until those of the corrections are ready."""
     run = shown.run
     return run.parent if run.kind == "corrections" and run.parent is not None else run.id, shown.phase
-
-
-def _color(side: Slot) -> str:
-    return css(RUN_COLORS[SLOTS.index(side)])

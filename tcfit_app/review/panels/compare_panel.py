@@ -31,8 +31,8 @@ from tcfit_app.review.panels.elements.html import (
     text,
     words,
 )
-from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.session.tasks import Step
+from tcfit_app.review.tab.on_show import SLOT_COLORS
 from tcfit_app.review.tab.tab import Tab
 
 _MEASURING = "Measuring …"
@@ -72,8 +72,8 @@ class ComparePanel:
             self._draw_figures(a, b)
 
     def _heads(self, a: Shown, b: Shown) -> list[Html]:
-        named = zip("AB", RUN_COLORS, (a, b), strict=True)
-        rows = [paragraph(joined(dot(css(color)), text(f"{name}: {fit.title}"))) for name, color, fit in named]
+        named = zip("AB", SLOT_COLORS.values(), (a, b), strict=True)
+        rows = [paragraph(joined(dot(color), text(f"{name}: {fit.title}"))) for name, color, fit in named]
         same = (a.run.id, a.phase) == (b.run.id, b.phase)
         if same:
             rows.append(paragraph(_SAME, "dim"))

@@ -27,7 +27,6 @@ from tcfit_app.review.panels.elements.html import (
     switches,
     text,
 )
-from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.scene.side_view import DIRECTION_TEXTS, Direction
 from tcfit_app.review.tab.on_show import SLOTS, Slot
 from tcfit_app.review.tab.state import CLOSE_UPS, MODES, Part
@@ -149,7 +148,7 @@ NEWEST = "Newest"
 _LONGEST, _END = 28, 11
 """Characters of a run's name that are shown, and those of its end among them: longer ones do not fit the field."""
 _HINTS = {"a": "Left of A | B, and what blinking shows", "b": "Right of A | B; corrections are made to it"}
-_LEGEND = joined(dot(css(RUN_COLORS[0])), text("A"), Html("&emsp;"), dot(css(RUN_COLORS[1])), text("B"))
+_LEGEND = joined(dot("beside"), text("A"), Html("&emsp;"), dot("fit"), text("B"))
 
 
 class RunsShown:

@@ -8,16 +8,14 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 
 from fitting_core.camera import Camera
+from fitting_core.render.colors import rgb
 
 RGB = tuple[int, int, int]
 """0 to 255, sRGB."""
 
-RUN_COLORS: tuple[RGB, RGB] = (90, 160, 255), (255, 150, 60)
-"""Of run A and run B: blue and orange, distinguishable with every kind of colour vision."""
-OTHER_COLOR: RGB = (168, 142, 222)
-"""Of people other than the one on show: violet stands out from grey clothes and from skin, which pale grey did not."""
+FIT_COLOR: RGB = rgb("fit")
 OTHER_OPACITY = 0.5
-"""Their maximum opacity."""
+"""Maximum opacity of people other than the one on show."""
 MOST_OTHERS = 9
 """How many other people are drawn: the first ones."""
 OPACITY = 0.6
@@ -37,7 +35,7 @@ class BodyLayer:
     """Camera space: x right, y down, z away from the camera, metres."""
     faces: Int[np.ndarray, "F 3"]
     """Corners counter-clockwise seen from outside; the same array for all frames."""
-    color: RGB = RUN_COLORS[0]
+    color: RGB = FIT_COLOR
     opacity: float = OPACITY
     outline: bool = False
     """On a poster: as outlines, with the video between them."""

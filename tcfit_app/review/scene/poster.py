@@ -28,8 +28,6 @@ _FAR_OUT = 8.0
 """Maximum distance of a drawn vertex from the centre, in image heights: float32 and clipping fail beyond."""
 _CLEARANCE = 0.01
 """Between the image and the farthest vertex, in image heights."""
-SIDE_PLATE = FrameImage.uniform((27, 29, 33))
-"""Of the side view, which has no video: darker than a missing picture."""
 _SLOTS = 2
 _ROOT = "/posters"
 PICTURE_NODES = tuple(f"{_ROOT}/{i}" for i in range(_SLOTS))
@@ -130,8 +128,9 @@ class PosterNodes:
 
     def __init__(self, client: viser.ClientHandle, dressing: MeshDressing) -> None:
         self._root = client.scene.add_frame(_ROOT, show_axes=False, visible=False)
-        self._slots = [_Slot(client, name, dressing, PLATE) for name in PICTURE_NODES]
-        self._side = _Slot(client, SIDE_NODE, dressing, SIDE_PLATE)
+        self._slots = [_Slot(client, name, dressing) for name in PICTURE_NODES]
+        self._side = _Slot(client, SIDE_NODE, dressing)
+        dressing.dress(f"{SIDE_NODE}/video", nothing=True)  # it has none: the page's ground is seen
 
     def draw(self, snapshot: Posters) -> None:
         """Send what changed."""
@@ -147,7 +146,7 @@ class PosterNodes:
         if side is None:
             self._side.hide()
         else:
-            self._side.show(SIDE_PLATE, side.view.width)
+            self._side.show(PLATE, side.view.width)
             # No video would be visible through them.
             self._side.draw(side.bodies, (), side.view, partial(_on_side, side.view), solid=True)
 
@@ -173,9 +172,9 @@ def _on_side(view: SideView, bodies: Sequence[BodyLayer]) -> list[Float[np.ndarr
 class _Slot:
     """One poster's nodes, created once, so that frames replace each other without a gap."""
 
-    def __init__(self, client: viser.ClientHandle, name: str, dressing: MeshDressing, plate: FrameImage) -> None:
+    def __init__(self, client: viser.ClientHandle, name: str, dressing: MeshDressing) -> None:
         self._frame = client.scene.add_frame(name, show_axes=False, visible=False)
-        self._image = ImageNode(client, f"{name}/video", dressing, plate)
+        self._image = ImageNode(client, f"{name}/video", dressing, PLATE)
         # Transparent nodes are drawn from far to near by their positions: bodies are in front of the image.
         front = (0.0, 0.0, -_CLEARANCE)
         self._bodies = [BodyNode(client, body, dressing, front) for body in body_nodes(name)]

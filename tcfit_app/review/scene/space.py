@@ -14,7 +14,7 @@ from jaxtyping import Float
 from viser.transforms import SO3
 
 from fitting_core.camera import Camera
-from tcfit_app.review.scene.layers import MOST_OTHERS, RGB, BodyLayer, FrameImage
+from tcfit_app.review.scene.layers import MOST_OTHERS, BodyLayer, FrameImage
 from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
 from tcfit_app.review.scene.poster import PLATE
 from tcfit_app.review.scene.room import extent
@@ -30,9 +30,12 @@ _SLOTS = 2
 _ROOT = "/space"
 _FILMED = f"{_ROOT}/filmed"
 """The node for what is in camera space."""
-_CELL_COLOR: RGB = (62, 66, 74)
-_SECTION_COLOR: RGB = (104, 110, 122)
-_FRUSTUM_COLOR: RGB = (190, 196, 206)
+_CELLS, _SECTIONS, _FRUSTUM = (
+    {True: (62, 66, 74), False: (210, 215, 222)},
+    {True: (104, 110, 122), False: (168, 176, 187)},
+    {True: (190, 196, 206), False: (96, 104, 116)},
+)
+"""Colours of the ground's lines and of the video camera, in the dark theme and in the light one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +73,8 @@ class Space:
     move. None or empty: not known yet."""
     rings: Rings | None = None
     """Around a joint of the last body."""
+    dark: bool = True
+    """The theme."""
 
     def __post_init__(self) -> None:
         assert len(self.bodies) <= _SLOTS and len(self.others) <= MOST_OTHERS
@@ -132,7 +137,8 @@ class SpaceNodes:
         self._bodies = [BodyNode(client, f"{_FILMED}/body{i}", dressing) for i in range(_SLOTS + MOST_OTHERS)]
         self._image = ImageNode(client, f"{_FILMED}/image", dressing, PLATE)
         self.rings = RingsNode(client, f"{_FILMED}/rings")
-        self._camera: Camera | None = None
+        self._filmed_by: tuple[Camera, bool] | None = None
+        """The camera drawn last, and the theme."""
         self._grid: viser.GridHandle | None = None
 
     def draw(self, snapshot: Space) -> None:
@@ -147,11 +153,11 @@ class SpaceNodes:
             else:
                 node.hide()
         self.rings.draw(snapshot.rings)
-        self._draw_camera(snapshot.camera)
+        self._draw_camera(snapshot.camera, dark=snapshot.dark)
         corners = frustum(snapshot.camera)
         size, middle = corners[2] - corners[0], (corners[0] + corners[2]) / 2
         self._image.draw(snapshot.image or PLATE, (size[0], size[1]), tuple(middle))
-        self._draw_ground(snapshot.ground)
+        self._draw_ground(snapshot.ground, dark=snapshot.dark)
 
     def set_visible(self, visible: bool) -> None:
         """Show or hide all of it."""
@@ -159,17 +165,17 @@ class SpaceNodes:
         if not visible:
             self.rings.draw(None)
 
-    def _draw_camera(self, camera: Camera) -> None:
-        if camera == self._camera:
+    def _draw_camera(self, camera: Camera, *, dark: bool) -> None:
+        if (camera, dark) == self._filmed_by:
             return
-        self._camera = camera
+        self._filmed_by = camera, dark
         corners = frustum(camera)
         edges = [(np.zeros(3), corner) for corner in corners] + list(zip(corners, np.roll(corners, -1, 0), strict=True))
         self._client.scene.add_line_segments(
-            f"{_FILMED}/frustum", np.array(edges, np.float32), _FRUSTUM_COLOR, thickness=1.5, thickness_units="screen"
+            f"{_FILMED}/frustum", np.array(edges, np.float32), _FRUSTUM[dark], thickness=1.5, thickness_units="screen"
         )
 
-    def _draw_ground(self, ground: float | None) -> None:
+    def _draw_ground(self, ground: float | None, *, dark: bool) -> None:
         if ground is None:
             if self._grid is not None:
                 self._grid.visible = False
@@ -183,10 +189,8 @@ class SpaceNodes:
                 infinite_grid=True,
                 cell_size=0.25,
                 cell_thickness=0.6,
-                cell_color=_CELL_COLOR,
                 section_size=1.0,
                 section_thickness=1.0,
-                section_color=_SECTION_COLOR,
                 fade_distance=14.0,
                 fade_strength=1.6,
                 fade_from="camera",
@@ -194,6 +198,7 @@ class SpaceNodes:
                 plane_opacity=0.0,
             )
         self._grid.visible = True
+        self._grid.cell_color, self._grid.section_color = _CELLS[dark], _SECTIONS[dark]
         self._grid.position = (0.0, ground, 0.0)
 
 

@@ -8,12 +8,14 @@ from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from tcfit_app.fitting.edit_follower import LiveWindow
 from tcfit_app.fitting.fits import FitChoice, Shown
+from tcfit_app.review.browser.page_states import Color
 from tcfit_app.review.session.session import Session, StoredFits
 from tcfit_app.review.shared.drawing_data import FrameBody
 from tcfit_app.review.tab.state import TabState
 
 Slot = Literal["a", "b"]
 SLOTS: tuple[Slot, ...] = ("a", "b")
+SLOT_COLORS: dict[Slot, Color] = {"a": "beside", "b": "fit"}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -151,6 +151,8 @@ class TabState:
     """The open folds of the panels, by name."""
     keys: bool = False
     """The window of all keys is open."""
+    dark: bool = True
+    """The browser's theme."""
 
 
 CONTROLS: Mapping[str, Switch | Choice] = {

@@ -18,6 +18,7 @@ export function leaveField() {
 
 element("style", "", document.head, THEME_SHEET + STYLE_SHEET + PANEL_SHEET + VISER_SHEET);
 const box = canvasBox();
+box.classList.add("tcfit-stage");
 export const layer = element("div", "tcfit", box);
 export const overlayCanvas = element("canvas", "", layer);
 export const chipsBox = element("div", "tcfit-chips", layer);

@@ -1,55 +1,30 @@
-// Colours of what lies on the picture, and the style sheets of the script's own elements and of the panels' HTML.
+// The style sheets of the script's own elements and of the panels' HTML.
 
-export const COLORS = {
-  text: "#cfd6df",
-  dim: "#a3adba",
-  accent: "#288cdc",
-  selected: "#ffe14d",
-  hover: "#ffffff",
-  bad: "#ff5a52",
-  edited: "#35d6ee",
-  flagged: "#ffb02e",
-  checked: "#55c26a",
-  silhouette: "#7ee0b8",
-};
-export const FIT_COLORS = {
-  found: "#8fb4d8",
-  fitting: "#f0c44a",
-  phase1: "#35618a",
-  phase2: "#2f86c9",
-  done: "#46b37b",
-};
-export const FIT_NAMES = {
-  found: "keypoints found",
-  fitting: "running",
-  phase1: "phase 1 done",
-  phase2: "phase 2 done",
-  done: "finished",
-};
 export const KIND_COLORS = {
-  info: COLORS.accent,
-  busy: COLORS.flagged,
-  good: COLORS.checked,
-  warning: COLORS.flagged,
-  error: COLORS.bad,
+  info: "var(--tcfit-accent)",
+  busy: "var(--tcfit-accent)",
+  good: "var(--tcfit-checked)",
+  warning: "var(--tcfit-suspicious)",
+  error: "var(--tcfit-bad)",
 };
 /** As viser's own. */
 export const FONT = '-apple-system, BlinkMacSystemFont, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif';
 
 export const STYLE_SHEET = `
 .tcfit, .tcfit * { box-sizing: border-box; }
-.tcfit { position: absolute; inset: 0; z-index: 2; pointer-events: none; overflow: hidden; color: ${COLORS.text};
+.tcfit { position: absolute; inset: 0; z-index: 2; pointer-events: none; overflow: hidden; color: var(--tcfit-text);
   font: 13px/1.4 ${FONT}; user-select: none; -webkit-user-select: none; }
-.tcfit-lost { pointer-events: auto; background: rgba(12, 14, 18, 0.5); }
+.tcfit-stage { background: var(--tcfit-stage); }
+.tcfit-lost { pointer-events: auto; background: color-mix(in srgb, var(--tcfit-stage) 50%, transparent); }
 .tcfit-lost > canvas { opacity: 0.5; }
 .tcfit-lost ~ .tcfit-strip { pointer-events: none; }
-.tcfit-lost ~ .tcfit-strip::after { content: ""; position: absolute; inset: 0; background: rgba(12, 14, 18, 0.5); }
+.tcfit-lost ~ .tcfit-strip::after { content: ""; position: absolute; inset: 0; background: color-mix(in srgb, var(--tcfit-stage) 50%, transparent); }
 .tcfit > canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
 .tcfit-chips { position: absolute; bottom: 8px; left: 8px; right: 8px; display: flex; flex-direction: column;
   align-items: flex-start; gap: 4px; }
 .tcfit:has(.tcfit-legend:not([hidden])) .tcfit-chips { bottom: 42px; }
 .tcfit-chip { display: flex; align-items: center; gap: 8px; max-width: 100%; padding: 2px 10px; border-radius: 12px;
-  background: rgba(16, 19, 24, 0.86); border: 1px solid rgba(255, 255, 255, 0.09); font-size: 13px;
+  background: var(--tcfit-surface); border: 1px solid var(--tcfit-edge); font-size: 13px;
   font-variant-numeric: tabular-nums; box-shadow: 0 2px 8px rgba(0, 0, 0, 0.3); overflow: hidden; position: relative; }
 .tcfit-chip span { overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
 .tcfit-dot { flex: none; width: 8px; height: 8px; border-radius: 50%; }
@@ -62,28 +37,28 @@ export const STYLE_SHEET = `
   border-radius: 50%; background: #eef2f6; color: #14171c; font: 700 17px/27px ${FONT}; text-align: center;
   box-shadow: 0 0 0 1px rgba(8, 10, 14, 0.7); }
 .tcfit-person { position: absolute; left: 0; top: 0; pointer-events: auto; cursor: pointer; border: 0; border-radius: 6px;
-  padding: 3px 9px; background: rgba(16, 19, 24, 0.82); color: #dfe5ec; font: 600 12px ${FONT}; white-space: nowrap; }
-.tcfit-person:hover { background: #14171c; color: #fff; }
-.tcfit-person:focus-visible { outline: 2px solid ${COLORS.accent}; outline-offset: 1px; }
-.tcfit-divider:focus-visible::after { box-shadow: 0 0 0 2px #14171c, 0 0 0 5px ${COLORS.accent}; }
+  padding: 3px 9px; background: var(--tcfit-surface); color: var(--tcfit-text); font: 600 12px ${FONT}; white-space: nowrap; }
+.tcfit-person:hover { background: var(--tcfit-pointed); color: var(--tcfit-strong); }
+.tcfit-person:focus-visible { outline: 2px solid var(--tcfit-accent); outline-offset: 1px; }
+.tcfit-divider:focus-visible::after { box-shadow: 0 0 0 2px #14171c, 0 0 0 5px var(--tcfit-accent); }
 .tcfit-card { position: absolute; left: 50%; top: 50%; transform: translate(-50%, -50%); width: min(460px, 84%);
-  padding: 22px 26px; border-radius: 12px; background: rgba(20, 23, 28, 0.95);
-  border: 1px solid rgba(255, 255, 255, 0.1); border-top: 3px solid var(--kind);
+  padding: 22px 26px; border-radius: 12px; background: var(--tcfit-surface);
+  border: 1px solid var(--tcfit-edge); border-top: 3px solid var(--kind);
   box-shadow: 0 12px 40px rgba(0, 0, 0, 0.4); }
-.tcfit-card h2 { margin: 0; font-size: 17px; font-weight: 600; line-height: 1.35; color: #eef2f6; }
-.tcfit-card p { margin: 8px 0 0; white-space: pre-line; overflow-wrap: anywhere; color: #b4bdc9; user-select: text;
+.tcfit-card h2 { margin: 0; font-size: 17px; font-weight: 600; line-height: 1.35; color: var(--tcfit-strong); }
+.tcfit-card p { margin: 8px 0 0; white-space: pre-line; overflow-wrap: anywhere; user-select: text;
   -webkit-user-select: text; pointer-events: auto; max-height: 40vh; overflow-y: auto; }
-.tcfit-track { margin-top: 16px; height: 4px; border-radius: 2px; background: #2b313b; overflow: hidden; }
+.tcfit-track { margin-top: 16px; height: 4px; border-radius: 2px; background: var(--tcfit-rule); overflow: hidden; }
 .tcfit-bar { height: 100%; background: var(--kind); transition: width 0.2s; }
 .tcfit-legend { position: absolute; right: 14px; bottom: 5px; display: flex; align-items: center; gap: 7px;
   max-width: calc(100% - 28px); height: 24px; padding: 0 12px; border-radius: 8px; font-size: 13px; white-space: nowrap;
-  background: rgba(16, 19, 24, 0.86); border: 1px solid rgba(255, 255, 255, 0.09);
+  background: var(--tcfit-surface); border: 1px solid var(--tcfit-edge);
   font-variant-numeric: tabular-nums; }
 .tcfit-legend div { flex: none; width: 130px; height: 9px; border-radius: 3px; }
-.tcfit-legend span { color: ${COLORS.dim}; }
-.tcfit-legend span:first-child { color: ${COLORS.text}; overflow: hidden; text-overflow: ellipsis; margin-right: 4px; }
+.tcfit-legend span { color: var(--tcfit-dim); }
+.tcfit-legend span:first-child { color: var(--tcfit-text); overflow: hidden; text-overflow: ellipsis; margin-right: 4px; }
 .tcfit-tooltip { position: absolute; left: 0; top: 0; padding: 4px 9px; border-radius: 6px; white-space: pre;
-  background: rgba(12, 14, 18, 0.94); border: 1px solid rgba(255, 255, 255, 0.14); font-size: 13px; color: #e8edf3;
+  background: var(--tcfit-surface); border: 1px solid var(--tcfit-edge); font-size: 13px;
   font-variant-numeric: tabular-nums; box-shadow: 0 2px 10px rgba(0, 0, 0, 0.4); }
 .tcfit-strip { position: absolute; left: 0; right: 0; top: 100%; z-index: 2; background: var(--tcfit-surface);
   border-top: 1px solid var(--tcfit-rule); touch-action: none; user-select: none; -webkit-user-select: none;
@@ -94,11 +69,11 @@ export const STYLE_SHEET = `
   border-radius: 4px; background: transparent; color: var(--tcfit-text); font: 13px/1 ${FONT}; cursor: pointer; }
 .tcfit-strip button:hover:not(:disabled) { background: var(--tcfit-pointed); color: var(--tcfit-strong); }
 .tcfit-strip button:disabled { color: var(--tcfit-off); cursor: default; }
-.tcfit-strip :is(button, input, [tabindex]):focus-visible { outline: 2px solid ${COLORS.accent}; outline-offset: -1px; }
+.tcfit-strip :is(button, input, [tabindex]):focus-visible { outline: 2px solid var(--tcfit-accent); outline-offset: -1px; }
 .tcfit-strip-border { position: absolute; left: 0; right: 0; top: -4px; height: 8px; cursor: ns-resize; z-index: 1;
   touch-action: none; }
 .tcfit-strip-border:hover, .tcfit-strip-border:active { background: linear-gradient(transparent 3px,
-  ${COLORS.accent} 3px 5px, transparent 5px); }
+  var(--tcfit-accent) 3px 5px, transparent 5px); }
 .tcfit-strip-head { position: absolute; left: 0; right: 0; top: 0; display: flex; align-items: center;
   gap: 4px; padding: 2px 6px 0; justify-content: flex-end; }
 .tcfit-strip-frames { flex: none; display: flex; align-items: center; gap: 2px; color: var(--tcfit-strong); }
@@ -116,28 +91,27 @@ export const STYLE_SHEET = `
   border-radius: 4px; background: transparent; color: var(--tcfit-text); font: inherit; text-align: left;
   white-space: nowrap; cursor: pointer; }
 .tcfit-menu button > span { flex: 1 1 auto; }
-.tcfit-menu button:focus { outline: none; background: #1f5482; color: #fff; }
+.tcfit-menu button:focus { outline: none; background: var(--tcfit-soft); color: var(--tcfit-strong); }
 .tcfit-menu button[aria-disabled] { opacity: 0.45; cursor: default; }
 .tcfit-menu button[aria-disabled]:focus { background: var(--tcfit-pointed); color: var(--tcfit-text); }
 .tcfit-menu button[aria-checked]::before { content: ""; flex: none; width: 14px; margin-right: -16px; }
 .tcfit-menu button[aria-checked=true]::before { content: "✓"; }
 .tcfit-menu kbd { flex: none; font: 13px/1 ${FONT}; color: var(--tcfit-key); }
-.tcfit-menu button:focus:not([aria-disabled]) kbd { color: #d3e6f7; }
 .tcfit-menu p { width: 0; min-width: 100%; min-height: 2.8em; margin: 4px 0 0; padding: 4px 10px 0; color: var(--tcfit-dim);
   border-top: 1px solid var(--tcfit-edge); }
 .tcfit-menu .tcfit-separator { flex: none; height: 1px; margin: 4px 6px; background: var(--tcfit-edge); }
 .tcfit-strip .tcfit-tooltip { z-index: 1; pointer-events: none; }
 .tcfit-hints { position: absolute; right: 12px; bottom: 12px; width: min(340px, 60%); max-height: calc(100% - 24px);
-  overflow-y: auto; padding: 12px 16px 14px; border-radius: 10px; background: rgba(20, 23, 28, 0.96);
-  border: 1px solid rgba(255, 255, 255, 0.16); box-shadow: 0 8px 30px rgba(0, 0, 0, 0.4); pointer-events: auto; }
-.tcfit-hints h2 { margin: 0 0 6px; font-size: 15px; font-weight: 600; color: #eef2f6; }
+  overflow-y: auto; padding: 12px 16px 14px; border-radius: 10px; background: var(--tcfit-surface);
+  border: 1px solid var(--tcfit-edge); box-shadow: 0 8px 30px rgba(0, 0, 0, 0.4); pointer-events: auto; }
+.tcfit-hints h2 { margin: 0 0 6px; font-size: 15px; font-weight: 600; color: var(--tcfit-strong); }
 .tcfit-hints ol { margin: 0 0 10px; padding-left: 20px; }
 .tcfit-hints li { margin: 4px 0; }
-.tcfit-hints kbd { margin-left: 6px; padding: 1px 6px; border-radius: 4px; background: #2c3037; color: #eef2f6;
+.tcfit-hints kbd { margin-left: 6px; padding: 1px 6px; border-radius: 4px; background: var(--tcfit-sunk);
   font: 13px/1.3 ${FONT}; white-space: nowrap; }
-.tcfit-hints button { height: 28px; padding: 0 14px; border: 1px solid #3b8ad0; border-radius: 4px; background: #1c6fb5;
-  color: #fff; font: 600 13px/1 ${FONT}; cursor: pointer; }
-.tcfit-hints button:focus-visible { outline: 2px solid #fff; outline-offset: 1px; }
+.tcfit-hints button { height: 28px; padding: 0 14px; border: 0; border-radius: 4px; background: var(--tcfit-accent);
+  color: var(--tcfit-on-accent); font: 600 13px/1 ${FONT}; cursor: pointer; }
+.tcfit-hints button:focus-visible { outline: 2px solid var(--tcfit-strong); outline-offset: 1px; }
 [hidden].tcfit-hints, [hidden].tcfit-person, [hidden].tcfit-tooltip, [hidden].tcfit-divider, [hidden].tcfit-card, [hidden].tcfit-legend, [hidden].tcfit-strip, [hidden].tcfit-strip-frames { display: none; }
 `;
 
@@ -165,12 +139,11 @@ export const PANEL_SHEET = `
 .tcfit-panel button > span:has(.tcfit-phase) > * { flex: none; white-space: pre; }
 .tcfit-panel button > span:has(.tcfit-phase) > .tcfit-name { flex: 0 1 auto; overflow: hidden; text-overflow: ellipsis; }
 .tcfit-panel button:active:not(:disabled) { background: var(--tcfit-sunk); }
-.tcfit-panel button:focus-visible { outline: 2px solid ${COLORS.accent}; outline-offset: 1px; }
+.tcfit-panel button:focus-visible { outline: 2px solid var(--tcfit-accent); outline-offset: 1px; }
 .tcfit-panel button:disabled { opacity: 0.42; cursor: default; }
-.tcfit-panel button[aria-pressed=true] { background: #1f5482; border-color: #3b8ad0; color: #fff; }
-.tcfit-panel button[aria-pressed=true]:hover:not(:disabled) { background: #27649a; border-color: #5aa3e0; color: #fff; }
-.tcfit-panel button.tcfit-main { background: #1c6fb5; border-color: #3b8ad0; color: #fff; font-weight: 600; }
-.tcfit-panel button.tcfit-main:hover:not(:disabled) { background: #2377bd; color: #fff; }
+.tcfit-panel button[aria-pressed=true], .tcfit-panel button[aria-pressed=true]:hover:not(:disabled) { background: var(--tcfit-soft); border-color: var(--tcfit-accent); color: var(--tcfit-accent); }
+.tcfit-panel button.tcfit-main { background: var(--tcfit-accent); border-color: var(--tcfit-accent); color: var(--tcfit-on-accent); font-weight: 600; }
+.tcfit-panel button.tcfit-main:hover:not(:disabled) { background: color-mix(in srgb, var(--tcfit-accent) 88%, var(--tcfit-strong)); color: var(--tcfit-on-accent); }
 .tcfit-panel button.tcfit-left { justify-content: space-between; }
 .tcfit-panel button.tcfit-fold { justify-content: flex-start; border-color: transparent; background: none; font-weight: 600; }
 .tcfit-panel button.tcfit-fold:hover:not(:disabled) { background: var(--tcfit-pointed); }
@@ -179,7 +152,7 @@ export const PANEL_SHEET = `
 .tcfit-panel button.tcfit-tall > span > span { display: block; }
 .tcfit-panel button.tcfit-mini { flex: none; height: 20px; padding: 0 7px; font-size: 13px; }
 .tcfit-panel kbd { flex: none; margin-left: 6px; font: 13px/1 ${FONT}; color: var(--tcfit-key); }
-.tcfit-panel button[aria-pressed=true] kbd, .tcfit-panel button.tcfit-main kbd { color: #ffffff; }
+.tcfit-panel button[aria-pressed=true] kbd, .tcfit-panel button.tcfit-main kbd { color: inherit; }
 .tcfit-panel i { display: inline-block; width: 8px; height: 8px; margin-right: 5px; border-radius: 50%; }
 .tcfit-panel button.tcfit-close { position: sticky; bottom: 0; width: 100%; margin-top: 10px; }
 .tcfit-keys { columns: 330px; column-gap: 28px; margin-top: 10px; }
@@ -193,12 +166,12 @@ export const PANEL_SHEET = `
 .tcfit-joined button:first-child { border-radius: 4px 0 0 4px; margin-left: 0; }
 .tcfit-joined button:last-child { border-radius: 0 4px 4px 0; }
 .tcfit-joined button[aria-pressed=true] { position: relative; z-index: 1; }
-.tcfit-panel button.tcfit-danger { border-color: var(--tcfit-danger-edge); color: var(--tcfit-danger); }
-.tcfit-panel button.tcfit-danger:hover:not(:disabled) { background: var(--tcfit-danger-ground); border-color: var(--tcfit-danger-edge); color: var(--tcfit-strong); }
-.tcfit-dim { color: var(--tcfit-dim); } .tcfit-good { color: var(--tcfit-good); } .tcfit-bad { color: var(--tcfit-wrong); }
-.tcfit-warn { color: var(--tcfit-flagged); } .tcfit-strong { font-weight: 600; }
-.tcfit-badge { margin-left: 4px; padding: 0 4px; border-radius: 3px; color: #111; font-size: 13px; }
-.tcfit-panel .tcfit-track { background: var(--tcfit-rule); --kind: ${COLORS.accent}; margin: 5px 0 7px; }
+.tcfit-panel button.tcfit-danger { border-color: currentcolor; background: var(--tcfit-surface); color: var(--tcfit-bad); }
+.tcfit-panel button.tcfit-danger:hover:not(:disabled) { background: var(--tcfit-pointed); }
+.tcfit-dim { color: var(--tcfit-dim); } .tcfit-good { color: var(--tcfit-checked); } .tcfit-bad { color: var(--tcfit-bad); }
+.tcfit-warn { color: var(--tcfit-suspicious); } .tcfit-strong { font-weight: 600; }
+.tcfit-badge { margin-left: 4px; padding: 0 4px; border: 2px solid; border-radius: 3px; line-height: 1.1; }
+.tcfit-panel .tcfit-track { background: var(--tcfit-rule); --kind: var(--tcfit-accent); margin: 5px 0 7px; }
 .tcfit-panel dl { display: grid; grid-template-columns: minmax(74px, auto) 1fr; gap: 2px 6px; margin: 4px 0; font-size: 13px; }
 .tcfit-panel dt { color: var(--tcfit-dim); overflow-wrap: anywhere; } .tcfit-panel dd { margin: 0; overflow-wrap: anywhere; }
 .tcfit-panel ul { margin: 4px 0; padding-left: 14px; font-size: 13px; overflow-wrap: anywhere; }
@@ -214,11 +187,11 @@ export const PANEL_SHEET = `
 .tcfit-table tr[data-tcfit]:hover td { background: var(--tcfit-pointed); }
 .tcfit-panel .tcfit-open { padding: 0; border: 0; background: none; color: inherit; font: inherit; text-align: inherit;
   text-decoration: inherit; white-space: inherit; cursor: pointer; }
-.tcfit-panel .tcfit-open:focus-visible { outline: 2px solid ${COLORS.accent}; outline-offset: 1px; }
-.tcfit-table tr.tcfit-here td { background: var(--tcfit-here); }
+.tcfit-panel .tcfit-open:focus-visible { outline: 2px solid var(--tcfit-accent); outline-offset: 1px; }
+.tcfit-table tr.tcfit-here td { background: var(--tcfit-soft); }
 .tcfit-table tr.tcfit-off td { color: var(--tcfit-off); }
 .tcfit-table tr.tcfit-off td:last-child { text-decoration: line-through var(--tcfit-off); }
 .tcfit-table kbd { margin: 0; font: 13px/1 ${FONT}; color: var(--tcfit-text); white-space: nowrap; }
-.tcfit-detected { color: var(--tcfit-detected); } .tcfit-corrected, .tcfit-pinned { color: var(--tcfit-edited); }
+.tcfit-corrected, .tcfit-pinned { color: var(--tcfit-strong); }
 .tcfit-missing { color: var(--tcfit-dim); }
 `;

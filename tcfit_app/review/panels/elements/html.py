@@ -12,7 +12,6 @@ from html import escape
 from typing import Any, TypeVar
 
 from fitting_core.keypoints import GROUPS
-from tcfit_app.review.browser.page_states import GROUP_COLORS
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, Key, key_text
 from tcfit_app.review.tab.buttons import Presses
 from tcfit_app.review.tab.state import CONTROLS, Choice, Section, Switch
@@ -53,8 +52,8 @@ def tag(name: str, content: object, **attributes: str) -> Html:
 
 
 def dot(color: str) -> Html:
-    """A coloured disc before a label."""
-    return tag("i", "", style=f"background:{color}")
+    """A disc before a label, in one of COLORS."""
+    return tag("i", "", style=f"background:var(--tcfit-{color})")
 
 
 def button(
@@ -311,7 +310,7 @@ def choice(*buttons: Html) -> Html:
     return tag("div", joined(*buttons), class_="tcfit-joined")
 
 
-GROUP_LABELS = {name: joined(dot(GROUP_COLORS[name]), text(name.replace("_", " "))) for name in GROUPS}
+GROUP_LABELS = {name: joined(dot(name), text(name.replace("_", " "))) for name in GROUPS}
 """The keypoint groups on buttons."""
 
 

@@ -15,8 +15,8 @@ from tcfit_app.project.storage.run_record import Run, RunState
 from tcfit_app.review.panels.elements.html import Html, joined, line, opener, paragraph, tag, text, words
 from tcfit_app.review.panels.fit.fit_settings import CHOICE_WORDS, differences, nearest_preset
 from tcfit_app.review.panels.fit.fit_settings import words as setting_words
-from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.session.session import Session
+from tcfit_app.review.tab.on_show import SLOT_COLORS
 
 KINDS = {
     "fit": "everything",
@@ -35,8 +35,8 @@ LOOKS: dict[RunState, str] = {
 }
 """The mark of each state."""
 _BADGES = {
-    name: tag("b", name, class_="tcfit-badge", style=f"background:{css(color)}")
-    for name, color in zip("AB", RUN_COLORS, strict=True)
+    name: tag("b", name, class_="tcfit-badge", style=f"border-color:var(--tcfit-{color})")
+    for name, color in zip("AB", SLOT_COLORS.values(), strict=True)
 }
 
 

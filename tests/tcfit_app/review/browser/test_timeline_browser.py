@@ -213,8 +213,8 @@ def test_keyframes_are_gone_to_and_dragged(tab: Tab) -> None:
 
 
 def test_the_axis_starts_at_zero_and_names_its_top(tab: Tab) -> None:
-    curve = states.Curve(label="A", color="#ff0000", values=states.curve_values(np.linspace(31, 38, LENGTH)))
-    angle = states.Curve(label="", color="#ff0000", values=states.curve_values(np.linspace(-3, 12, LENGTH)))
+    curve = states.Curve(label="A", color="fit", values=states.curve_values(np.linspace(31, 38, LENGTH)))
+    angle = states.Curve(label="", color="fit", values=states.curve_values(np.linspace(-3, 12, LENGTH)))
     rows = (
         states.Row(name="error", title="Error", curves=(curve,)),
         states.Row(name="angle", title="Flexion", curves=(angle,)),

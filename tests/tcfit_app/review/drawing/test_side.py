@@ -77,11 +77,11 @@ def plates(tested: LonePage) -> list[str]:
 
 def test_it_is_there_at_first_and_shows_the_bodies_of_the_pictures(tested: LonePage):
     assert plates(tested) == ["from the picture's right"]
-    assert colors(tested) == ["#ff963c"]
+    assert colors(tested) == ["fit"]
     tested.page.tab.set(blinked=True)
-    assert colors(tested) == ["#5aa0ff"]
+    assert colors(tested) == ["beside"]
     tested.page.tab.set(mode="ab")
-    assert colors(tested) == ["#5aa0ff", "#ff963c"]
+    assert colors(tested) == ["beside", "fit"]
     assert len(seen(tested).shifts) == 2
     tested.page.tab.set(mode="space")
     assert plates(tested) == []

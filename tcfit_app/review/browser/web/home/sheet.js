@@ -3,7 +3,7 @@
 import { FONT } from "../style.js";
 
 export const ROW = 72; // CSS pixels of a row, all of which are alike: what is out of sight is not there
-const STATE_COLORS = { new: "dim", fitted: "detected", review: "flagged", approved: "checked" }; // of the theme
+const STATE_COLORS = { new: "dim", fitted: "text", review: "suspicious", approved: "checked" }; // of the theme
 
 export const LIST_SHEET = `
 html { color-scheme: dark light; }
@@ -17,10 +17,10 @@ header.tcfit-panel button { flex: none; height: 30px; padding: 0 12px; }
 header .tcfit-joined { flex: none; flex-wrap: nowrap; }
 header .tcfit-joined button { padding: 0 10px; }
 header .tcfit-joined b { margin-left: 6px; font-weight: 400; color: var(--tcfit-dim); }
-header .tcfit-joined button[aria-pressed=true] b { color: #fff; }
+header .tcfit-joined button[aria-pressed=true] b { color: inherit; }
 header input { flex: 1 1 120px; min-width: 100px; max-width: 320px; margin-right: auto; height: 28px; padding: 0 10px; border: 1px solid var(--tcfit-edge);
   border-radius: 4px; background: var(--tcfit-field); color: var(--tcfit-text); font: inherit; }
-:is(input, a, button, tr, dialog):focus-visible { outline: 2px solid #288cdc; outline-offset: 1px; }
+:is(input, a, button, tr, dialog):focus-visible { outline: 2px solid var(--tcfit-accent); outline-offset: 1px; }
 tr:focus-visible { outline-offset: -2px; }
 main { flex: 1 1 0; min-height: 0; overflow: auto; scrollbar-gutter: stable; }
 table { width: 100%; border-collapse: separate; border-spacing: 0; table-layout: fixed; }
@@ -39,7 +39,7 @@ tbody tr.clip { height: ${ROW}px; cursor: default; }
 tbody td { height: ${ROW - 1}px; padding: 0 10px; border-bottom: 1px solid var(--tcfit-rule); overflow: hidden; vertical-align: middle; }
 tbody td > div { max-height: ${ROW - 6}px; overflow: hidden; }
 tr.clip:hover td { background: var(--tcfit-bed); }
-tr.clip[aria-selected=true] td { background: var(--tcfit-here); }
+tr.clip[aria-selected=true] td { background: var(--tcfit-soft); }
 td.picture { padding: 0 0 0 4px; }
 td img, td .blank { display: block; width: 51px; height: 64px; border-radius: 4px; object-fit: cover; background: var(--tcfit-bed); }
 td .one { overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
@@ -51,14 +51,14 @@ td a:hover { text-decoration: underline; }
 .badge::before { content: ""; display: inline-block; width: 9px; height: 9px; margin-right: 7px; border-radius: 50%; background: var(--dot); }
 ${Object.entries(STATE_COLORS).map(([state, color]) => `.badge.${state} { --dot: var(--tcfit-${color}); }`).join(" ")}
 .score { font-weight: 600; color: var(--tcfit-strong); }
-.score.good { color: var(--tcfit-good); } .score.doubtful { color: var(--tcfit-flagged); } .score.worst { color: var(--tcfit-wrong); }
-.wrong { color: var(--tcfit-wrong); }
-.busy { color: var(--tcfit-flagged); }
+.score.good { color: var(--tcfit-checked); } .score.doubtful { color: var(--tcfit-suspicious); } .score.worst { color: var(--tcfit-bad); }
+.wrong { color: var(--tcfit-bad); }
+.busy { color: var(--tcfit-suspicious); }
 .plain { max-width: 100%; padding: 2px 0; border: 0; background: none; color: inherit; font: inherit; text-align: left; cursor: pointer; }
 .plain:hover { color: var(--tcfit-strong); text-decoration: underline; }
 .plain.empty { color: var(--tcfit-dim); opacity: 0; } tr:is(:hover, :focus-within) .plain.empty { opacity: 1; }
 .track { height: 4px; margin-top: 5px; border-radius: 2px; background: var(--tcfit-rule); overflow: hidden; }
-.track > div { height: 100%; background: #288cdc; transition: width 0.3s; }
+.track > div { height: 100%; background: var(--tcfit-accent); transition: width 0.3s; }
 .nothing { margin: 12vh auto 0; max-width: 34em; padding: 0 20px; text-align: center; color: var(--tcfit-dim); }
 footer { display: flex; gap: 24px; padding: 7px 18px; border-top: 1px solid var(--tcfit-rule); font-size: 13px;
   color: var(--tcfit-dim); white-space: nowrap; }
@@ -86,7 +86,7 @@ dialog .dim { margin: 6px 0 0; font-size: 13px; color: var(--tcfit-dim); }
 dialog select { flex: 1; min-width: 0; height: 28px; border: 1px solid var(--tcfit-edge); border-radius: 4px;
   background: var(--tcfit-field); color: var(--tcfit-text); font: inherit; }
 @media (max-width: 800px) { dialog .choices { grid-template-columns: repeat(2, 1fr); } }
-dialog :is(input[type=checkbox], select):focus-visible { outline: 2px solid #288cdc; outline-offset: 1px; }
+dialog :is(input[type=checkbox], select):focus-visible { outline: 2px solid var(--tcfit-accent); outline-offset: 1px; }
 dialog label { display: block; margin-bottom: 8px; font-weight: 600; }
 dialog input:not([type=checkbox]) { box-sizing: border-box; width: 100%; height: 32px; padding: 0 10px; border: 1px solid var(--tcfit-edge); border-radius: 4px;
   background: var(--tcfit-field); color: var(--tcfit-text); font: inherit; }

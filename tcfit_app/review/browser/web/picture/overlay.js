@@ -6,7 +6,8 @@
 
 import { addPainter, invalidate, known, paint, states, watch } from "../connection.js";
 import { cleared, overlayCanvas, placeTooltip, shortenedName, tooltip } from "../elements.js";
-import { COLORS, FONT } from "../style.js";
+import { FONT } from "../style.js";
+import { COLORS, tones } from "../theme.js";
 import { beforeSceneDrawn, canvas, canvasSize, onSceneDrawn, redrawScene } from "../viser/bridge.js";
 import { drawInWindow } from "../viser/meshes.js";
 import { placeDivider } from "./divider.js";
@@ -18,7 +19,7 @@ import { wayOf } from "./depth.js";
 import { fitLine } from "./fits.js";
 import { drawFits, drawSide } from "./side.js";
 import {
-  chosen, groupOf, groupShown, isPicture, isSide, isSpace, jointRadius, marked, placesOf, position, shown,
+  chosen, groupColor, groupOf, groupShown, isPicture, isSide, isSpace, jointRadius, marked, placesOf, position, shown,
   shownJoints, skeletonReady, zoomFactor,
 } from "./skeleton.js";
 import { drawSilhouette } from "./silhouette.js";
@@ -30,7 +31,7 @@ const NAME_ROOM = 260; // CSS pixels for a fit's name, also beyond a narrow pict
 /** @param {number} joint */
 function jointPaint(joint) {
   const confidence = known("keypoints").confidence[joint];
-  return { color: known("skeleton").groups[groupOf[joint]].color, alpha: 0.35 + 0.65 * Math.min(confidence, 1) };
+  return { color: groupColor(groupOf[joint]), alpha: 0.35 + 0.65 * Math.min(confidence, 1) };
 }
 
 function drawOverlay() {
@@ -79,11 +80,11 @@ function drawBones(context, map) {
     lines[groupOf[a]].lineTo(...toScreen(map, position(b)));
   }
   context.lineCap = "butt"; // points cover the ends
-  groups.forEach((group, i) => {
-    const width = (0.7 + 0.26 * group.radius) * zoomFactor(map);
+  groups.forEach(({ radius }, i) => {
+    const width = (0.7 + 0.26 * radius) * zoomFactor(map);
     if (width > FINE_BONES) stroke(context, lines[i], "rgba(8, 10, 14, 0.5)", width + 1.6);
     context.globalAlpha = 0.85;
-    stroke(context, lines[i], group.color, width);
+    stroke(context, lines[i], groupColor(i), width);
     context.globalAlpha = 1;
   });
 }
@@ -98,7 +99,7 @@ function drawJoint(context, map, joint) {
   if (marked("pinned", joint)) drawPin(context, x, y, around);
   if (marked("locked", joint)) drawLock(context, x, y, 1.2 * around);
   if (marked("deep", joint)) drawDepth(context, x, y, around);
-  if (marked("edited", joint)) ring(context, x, y, 1.15 * radius + 1.5, COLORS.edited, 1.6);
+  if (marked("edited", joint)) ring(context, x, y, 1.25 * radius + 2, COLORS.strong, 1.6);
   if (chosen.joints.has(joint)) ring(context, x, y, 1.5 * radius + 1.8, COLORS.selected, Math.min(1 + radius / 5, 2.2));
 }
 
@@ -143,7 +144,7 @@ function drawDepth(context, x, y, half) {
 /** Attributes of a keypoint other than its position. @param {Context} context @param {Path2D} path */
 function drawMark(context, path) {
   stroke(context, path, "rgba(8, 10, 14, 0.7)", 3.6);
-  stroke(context, path, COLORS.edited, 2);
+  stroke(context, path, COLORS.strong, 2);
 }
 
 /** From corrected keypoints to where the body has them, if it cannot reach them.
@@ -181,7 +182,7 @@ function drawHovered(context) {
   for (const map of drawn.maps)
     clipTo(context, map.seen, () => {
       for (const { x, y } of !isPicture(map) || shown(joint) ? placesOf(map, [joint]) : [])
-        ring(context, x, y, jointRadius(joint, map) + 1.5, COLORS.hover, 1.8);
+        ring(context, x, y, jointRadius(joint, map) + 1.5, COLORS.accent, 1.8);
     });
   const place = drawn.maps[poster] && placesOf(drawn.maps[poster], [joint]).find((placed) => placed.body === body);
   if (!place) return;
@@ -271,19 +272,21 @@ function drawFitNames(context) {
  * picture's end, as it would cover much of it, if there is room.
  * @param {Context} context @param {PosterMap["poster"]} poster @param {number} right @param {number} top
  * @param {number} across @param {{ end: number, free: number }} [beside] */
-function drawFitName(context, { label, color, kind }, right, top, across, beside = { end: 0, free: 0 }) {
-  const dot = kind === "side" || kind === "video" ? 0 : 14;
+function drawFitName(context, { label, color }, right, top, across, beside = { end: 0, free: 0 }) {
+  const dot = color ? 14 : 0;
   const text = shortenedName(context, label, across - 32 - 2 * dot);
   if (!text) return;
   const width = context.measureText(text).width + 18 + dot;
   const [x, y] = [beside.free < width + 16 ? right - width - 8 : beside.end + 8, top + 8];
-  context.fillStyle = "rgba(16, 19, 24, 0.82)";
+  context.fillStyle = tones.surface;
   context.beginPath();
   context.roundRect(x, y, width, 24, 6);
   context.fill();
-  context.fillStyle = color;
-  if (dot) context.fill(circle(x + 13, y + 12, 4.5));
-  context.fillStyle = "#eef2f6";
+  if (color) {
+    context.fillStyle = tones[color];
+    context.fill(circle(x + 13, y + 12, 4.5));
+  }
+  context.fillStyle = tones.text;
   context.fillText(text, x + 9 + dot, y + 12.5);
 }
 

@@ -7,12 +7,13 @@
 import { emit, invalidate, states, watch } from "../connection.js";
 import { element, layer } from "../elements.js";
 import { openMenu } from "../menu.js";
+import { COLORS } from "../theme.js";
 import { canvas } from "../viser/bridge.js";
 import { inBox, toImage, toScreen } from "./projection.js";
 import { stroke } from "./shapes.js";
 
 const ABOVE = 10; // CSS pixels between a head and its name
-const BONES = { color: "#aab4c0", alpha: 0.7, width: 2 };
+const BONES = { color: COLORS.beside, alpha: 0.7, width: 2 };
 
 /** @type {HTMLButtonElement[]} */
 let names = [];

@@ -17,7 +17,7 @@ import { sideMiddle } from "./following.js";
 
 /** @type {PosterMap["poster"]} */
 const ROOM = {
-  node: "", window: [0, 0, 1, 1], width: 0, kind: "space", clipped: false, label: "", color: "",
+  node: "", window: [0, 0, 1, 1], width: 0, kind: "space", clipped: false, label: "", color: null,
 };
 
 /** Where A ends and B begins, as a share of their window's width. */

@@ -5,14 +5,13 @@
 /** @typedef {CanvasRenderingContext2D} Context */
 
 import { known, states } from "../connection.js";
-import { COLORS, FONT } from "../style.js";
+import { FONT } from "../style.js";
+import { COLORS, tones } from "../theme.js";
 import { bonePath, ellipse, projections } from "./fits.js";
 import { plateSeen, toScreen } from "./projection.js";
 import { NOT_SURE, clipTo, disc, rim, ring, stamp, stroke } from "./shapes.js";
 import { chosen, groupShown, jointRadius, located, placedOn, position, zoomFactor } from "./skeleton.js";
 
-const LINE = "rgba(200, 208, 220, 0.5)";
-const TEXT = "#b4bdc9";
 const TICKS = [0.5, 0.1, 0.02]; // metres apart: the first that suits the plate
 const FAR = 200; // metres from the camera: the end of a line of sight, beyond any plate
 const BODY = 25; // keypoints; those of hands and face come after them
@@ -39,7 +38,7 @@ export function drawFits(context, map) {
     const radius = 0.8 * jointRadius(joint, map);
     context.globalAlpha = bodies[body].unseen.includes(joint) ? NOT_SURE : 1;
     stamp(context, rim(radius), x, y);
-    stamp(context, disc(bodies[body].color, radius), x, y);
+    stamp(context, disc(COLORS[bodies[body].color], radius), x, y);
     context.globalAlpha = 1;
     if (chosen.joints.has(joint)) ring(context, x, y, 1.5 * radius + 1.8, COLORS.selected, 2);
   }
@@ -75,7 +74,7 @@ function drawRuler(context, map, side) {
     lines.moveTo(x, y);
     lines.lineTo(x, y + 5);
   }
-  stroke(context, lines, LINE, 1);
+  stroke(context, lines, tones.thumb, 1);
   if (step > 36) write(context, `${tick} m`, last - step / 2, y + (y + 18 < bottom ? 10 : -10), "center");
 }
 
@@ -87,9 +86,9 @@ function write(context, text, x, y, align) {
   context.textAlign = align;
   context.lineJoin = "round";
   context.lineWidth = 3.5;
-  context.strokeStyle = "rgba(16, 19, 24, 0.85)";
+  context.strokeStyle = tones.stage;
   context.strokeText(text, x, y);
-  context.fillStyle = TEXT;
+  context.fillStyle = tones.dim;
   context.fillText(text, x, y);
   context.textAlign = "start";
 }
@@ -116,7 +115,8 @@ function drawBones(context, map, bodies) {
   const width = 2 * zoomFactor(map);
   for (const [i, project] of projections(map).entries()) {
     if (!bodies[i]) continue;
-    const { points, color, unseen } = bodies[i];
+    const { points, unseen } = bodies[i];
+    const color = COLORS[bodies[i].color];
     /** @param {number} a @param {number} b */
     const hidden = (a, b) => unseen.includes(a) || unseen.includes(b);
     const seen = bonePath(points, project, (a, b) => !hidden(a, b));

@@ -1,9 +1,10 @@
 // Which keypoints there are, where they are drawn, which of them are on show, and which are chosen.
 
 /** @import { PosterMap } from "./projection.js" */
-/** @import { Keypoints } from "../wire" */
+/** @import { Keypoints, Meaning } from "../wire" */
 
 import { emit, invalidate, known, states, watch } from "../connection.js";
+import { COLORS } from "../theme.js";
 import { fitPlaces } from "./fits.js";
 import { toScreen } from "./projection.js";
 
@@ -41,6 +42,9 @@ export const chosen = {
 
 /** @type {number[]} */
 export let groupOf = []; // by keypoint: its group's place in skeleton.groups, which is also its rank for picking
+
+/** @param {number} group */
+export const groupColor = (group) => COLORS[/** @type {Meaning} */ (known("skeleton").groups[group].name)];
 
 /** Whether a keypoint of the frame on show has an attribute.
  * @param {"bad" | "edited" | "pinned" | "locked" | "deep" | "ignored"} attribute @param {number} joint */

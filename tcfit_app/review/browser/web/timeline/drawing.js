@@ -5,7 +5,7 @@
 
 import { addPainter, invalidate, known, states } from "../connection.js";
 import { cleared, placeTooltip, strip, stripCanvas, stripFront, stripTooltip } from "../elements.js";
-import { COLORS, FIT_COLORS, FIT_NAMES, FONT } from "../style.js";
+import { FONT } from "../style.js";
 import { tones } from "../theme.js";
 import {
   GUTTER, axis, clockText, edgeX, frameAt, frameNumber, frameX, niceStep, plotWidth, shownCount,
@@ -21,6 +21,13 @@ const TICKS = 118; // CSS pixels between two numbers in the ruler
 const RULER_MIDDLE = (ruler.top + ruler.bottom) / 2 + 0.5;
 const CURSOR_FONT = `600 13px ${FONT}`;
 const GRIP = 4; // width of the handle at an end of the selected frames
+const RUNNING = {
+  found: { opacity: 0.25, text: "keypoints found" },
+  fitting: { opacity: 0.25, text: "running" },
+  phase1: { opacity: 0.5, text: "first pass done" },
+  phase2: { opacity: 0.75, text: "one shape done" },
+  done: { opacity: 1, text: "finished" },
+};
 const whole = () => ({ top: ruler.top, bottom: strip.clientHeight });
 
 function drawBack() {
@@ -80,8 +87,11 @@ function drawRuler(context) {
 function drawFit(context) {
   const { top, bottom } = fitBand;
   clipToPlot(context, fitBand, () => {
-    for (const { first, last, state } of states.fit?.spans ?? [])
-      fillFrames(context, FIT_COLORS[state], first, last, top, bottom - top - 1);
+    for (const { first, last, state } of states.fit?.spans ?? []) {
+      context.globalAlpha = RUNNING[state].opacity;
+      fillFrames(context, tones.accent, first, last, top, bottom - top - 1);
+    }
+    context.globalAlpha = 1;
   });
 }
 
@@ -95,9 +105,11 @@ function drawRange(context) {
   const band = { top: ruler.top, bottom: overview().top };
   clipToPlot(context, band, () => {
     const [left, right] = [edgeX(range.first), edgeX(range.last + 1)];
-    fillBox(context, "rgba(40, 140, 220, 0.14)", left, band.top, right - left, band.bottom - band.top);
-    for (const x of [left, right - 1]) fillBox(context, COLORS.accent, x, band.top, 1.5, band.bottom - band.top);
-    for (const x of [left, right - GRIP]) fillBox(context, COLORS.accent, x, band.top, GRIP, ruler.bottom - ruler.top);
+    context.globalAlpha = 0.14;
+    fillBox(context, tones.selected, left, band.top, right - left, band.bottom - band.top);
+    context.globalAlpha = 1;
+    for (const x of [left, right - 1]) fillBox(context, tones.selected, x, band.top, 1.5, band.bottom - band.top);
+    for (const x of [left, right - GRIP]) fillBox(context, tones.selected, x, band.top, GRIP, ruler.bottom - ruler.top);
   });
 }
 
@@ -114,15 +126,15 @@ function cursorLabel(context) {
 /** @param {Context} context @param {NonNullable<ReturnType<typeof cursorLabel>>} label */
 function drawCursor(context, { x, number, width, left }) {
   const bottom = overview().top;
-  fillBox(context, tones.cursor, x - 0.75, ruler.top, 1.5, bottom - ruler.top);
+  fillBox(context, tones.strong, x - 0.75, ruler.top, 1.5, bottom - ruler.top);
   context.beginPath();
   context.roundRect(left, ruler.top + 1.5, width, ruler.bottom - ruler.top - 3, 4);
-  context.fillStyle = tones.cursor;
+  context.fillStyle = tones.strong;
   context.fill();
   context.font = CURSOR_FONT;
   context.textAlign = "center";
   context.textBaseline = "middle";
-  context.fillStyle = tones["on-cursor"];
+  context.fillStyle = tones.surface;
   context.fillText(number, left + width / 2, RULER_MIDDLE);
 }
 
@@ -178,7 +190,7 @@ function frameLines(frame) {
   const marks = marksOf(frame).map(({ text }) => text);
   if (marks.length) lines.push(marks.join(", "));
   const fitted = (states.fit?.spans ?? []).find(({ first, last }) => first <= frame && frame <= last);
-  if (fitted) lines.push(`fit: ${FIT_NAMES[fitted.state]}`);
+  if (fitted) lines.push(`fit: ${RUNNING[fitted.state].text}`);
   return lines;
 }
 

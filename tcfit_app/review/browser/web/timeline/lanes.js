@@ -10,18 +10,14 @@ import { NAMES, fillBox, fillFrames, write } from "./paint.js";
 
 /**
  * Frames that something is to be said of. `frame` is the one that a click goes to, if that is always the same; `key`
- * says that it is a keyframe; `suspicion` which entry of the review queue it is.
+ * says that it is a keyframe; `suspicion` which entry of the review queue it is, of that `opacity`.
  * @typedef {{ first: number, last: number, frame?: number, color: string, text: string, key?: boolean,
- *   suspicion?: string }} Mark
+ *   suspicion?: string, opacity?: number }} Mark
  */
 
 const NEAR = 5; // CSS pixels beside a mark that still count as it
 const INSET = 2.5; // of a mark in its lane
-const SEVERITIES = /** @type {const} */ ([
-  { from: 3, tone: "worst" },
-  { from: 1.8, tone: "worse" },
-  { from: 0, tone: "doubtful" },
-]);
+const SEVERITIES = [[3, 1], [1.8, 0.7], [0, 0.45]]; // from which score on, and the mark's opacity
 
 /** @param {[number, number][] | undefined} spans @param {string} color @param {string} text @returns {Mark[]} */
 const marked = (spans, color, text) => (spans ?? []).map(([first, last]) => ({ first, last, color, text }));
@@ -29,14 +25,14 @@ const marked = (spans, color, text) => (spans ?? []).map(([first, last]) => ({ f
 /** @type {{ [lane in typeof LANES[number]]: () => Mark[] }} */
 const READ = {
   Edits: () => [
-    ...marked(states.marks?.edited, tones.edited, "corrected"),
+    ...marked(states.marks?.edited, tones.strong, "corrected"),
     ...marked(states.marks?.bad, tones.bad, "marked bad"),
   ],
   Keyframes: () =>
     (states.keyframes?.frames ?? []).map((frame) => ({
       first: frame,
       last: frame,
-      color: tones.selected,
+      color: tones.strong,
       text: `keyframe of ${known("keyframes").subject}\nDrag it to another frame`,
       key: true,
     })),
@@ -45,20 +41,18 @@ const READ = {
       .sort((one, other) => one.score - other.score) // the worst on top
       .map(({ score, reason, key, ...frames }) => ({
         ...frames,
-        color: severity(score),
+        color: tones.suspicious,
+        opacity: SEVERITIES.find(([from]) => score >= from)?.[1],
         text: key ? `${reason}\nClick: go there and select it` : reason,
         suspicion: key,
       })),
   Flags: () => [
     ...marked(states.marks?.checked, tones.checked, "looks fine"),
-    ...marked(states.marks?.flagged, tones.flagged, "flagged"),
+    ...marked(states.marks?.flagged, tones.suspicious, "flagged"),
   ],
   Notes: () =>
-    (states.marks?.notes ?? []).map(({ first, last, text }) => ({ first, last, color: tones.note, text: `note: ${text}` })),
+    (states.marks?.notes ?? []).map(({ first, last, text }) => ({ first, last, color: tones.strong, text: `note: ${text}` })),
 };
-
-/** @param {number} score */
-const severity = (score) => tones[SEVERITIES.find(({ from }) => score >= from)?.tone ?? "flagged"];
 
 /** @type {Mark[][]} */
 let lanes = LANES.map(() => []);
@@ -85,15 +79,16 @@ export function drawMarks(context) {
   lanes.forEach((marks, index) => {
     const { top, bottom } = laneBand(index);
     const [y, height] = [top + INSET, bottom - top - 2 * INSET];
-    for (const { first, last, frame, color, key } of marks) {
+    for (const { first, last, frame, color, key, opacity = 1 } of marks) {
       if (key) {
         drawKey(context, frameX(first), top, bottom, color);
         continue;
       }
-      context.globalAlpha = frame === undefined ? 1 : 0.45; // the worst frame stands out of its span
+      context.globalAlpha = opacity * (frame === undefined ? 1 : 0.45); // the worst frame stands out of its span
       fillFrames(context, color, first, last, y, height);
-      context.globalAlpha = 1;
+      context.globalAlpha = opacity;
       if (frame !== undefined) fillFrames(context, color, frame, frame, y, height);
+      context.globalAlpha = 1;
     }
   });
 }

@@ -41,7 +41,7 @@ export function drawOverview(context) {
   context.roundRect(left, top + 2, Math.max(right - left, 3), bottom - top - 4, 3);
   context.fill();
   for (const { frame } of states.suspicions?.found ?? [])
-    fillBox(context, "rgba(255, 176, 46, 0.75)", overviewX(frame), top + 4, 1.5, bottom - top - 8);
+    fillBox(context, tones.suspicious, overviewX(frame), top + 4, 1.5, bottom - top - 8);
 }
 
 /** The selected frames and the cursor. @param {Context} context */
@@ -50,10 +50,12 @@ export function markOverview(context) {
   const range = chosenRange();
   if (range) {
     const [left, right] = [overviewX(range.first), overviewX(range.last + 1)];
-    fillBox(context, "rgba(40, 140, 220, 0.5)", left, top + 2, Math.max(right - left, 2), bottom - top - 4);
+    context.globalAlpha = 0.5;
+    fillBox(context, tones.selected, left, top + 2, Math.max(right - left, 2), bottom - top - 4);
+    context.globalAlpha = 1;
   }
   const frame = cursorFrame();
-  if (frame !== null) fillBox(context, tones.cursor, overviewX(frame + 0.5) - 0.75, top + 1, 1.5, bottom - top - 2);
+  if (frame !== null) fillBox(context, tones.strong, overviewX(frame + 0.5) - 0.75, top + 1, 1.5, bottom - top - 2);
 }
 
 onAxisChange(() => states.timeline && invalidate("timeline"));

@@ -7,7 +7,7 @@
 
 import { states } from "../connection.js";
 import { NOT_SURE, stroke } from "../picture/shapes.js";
-import { onGround, tones } from "../theme.js";
+import { tones } from "../theme.js";
 import { GUTTER, bandPath, curvePath, niceStep, plotWidth, valueScale, valueText } from "./axis.js";
 import { fitBand, rowBand } from "./layout.js";
 import { clipToPlot, fillBox, fillFrames, write } from "./paint.js";
@@ -41,7 +41,7 @@ function drawRow(context, row, band) {
     context.lineJoin = "round";
     for (const { values, color, error_bars } of row.curves) {
       context.globalAlpha = 0.22;
-      context.fillStyle = onGround(color);
+      context.fillStyle = tones[color];
       if (error_bars.length) context.fill(bandPath(values, error_bars, y));
       context.globalAlpha = 1;
     }
@@ -56,13 +56,13 @@ function drawCurve(context, { values, color, unseen }, y) {
   if (unseen.length) {
     context.setLineDash([2, 3]);
     context.globalAlpha = NOT_SURE;
-    stroke(context, curvePath(values, y), onGround(color), 1.4);
+    stroke(context, curvePath(values, y), tones[color], 1.4);
     context.setLineDash([]);
     context.globalAlpha = 1;
     sure = [...values];
     for (const [first, last] of unseen) sure.fill(null, first, last + 1);
   }
-  stroke(context, curvePath(sure, y), onGround(color), 1.4);
+  stroke(context, curvePath(sure, y), tones[color], 1.4);
 }
 
 /** The numbers on the axis: both ends, zero, and those between for which there is room.
