@@ -1,4 +1,4 @@
-"""The curves of the timeline."""
+"""The curves and levels of the timeline."""
 
 from dataclasses import replace
 
@@ -9,10 +9,12 @@ import torch
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
+from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.plane import Ground
 from fitting_core.measure.angles.joint_angles import joint_angles
 from fitting_core.results.error_bars import ANGLES
 from tcfit_app.analysis.curves import CURVES, curve
+from tcfit_app.analysis.levels import LEVELS, level_spans
 from tcfit_app.analysis.posed_fit import PosedFit
 from tests.samples import scenes
 from tests.samples.posed import displaced, fit_of, keypoints_of, still_params, with_keypoints
@@ -134,3 +136,35 @@ def test_heights_are_above_the_floor(tiny_body: BodyModel):
 def test_the_shortest_clips_have_curves(tiny_body: BodyModel, name: str, frames: int):
     found = curve(name, fit_of(tiny_body, still_params(frames)))
     assert found.values.shape == (frames,) and found.title and found.name == name
+
+
+# --- levels ---
+
+
+def test_hands_that_stay_have_no_movement(tiny_body: BodyModel):
+    by_hand = level_spans("hand_phases", fit_of(tiny_body, still_params(3)))
+    assert len(by_hand) == 2
+    for spans in by_hand:
+        assert not spans[LEVELS["hand_phases"].words.index("movement")] and ((0, 2),) in spans
+
+
+def test_a_hand_has_no_phase_where_its_wrist_is_not_seen(tiny_body: BodyModel):
+    fit = fit_of(tiny_body, still_params(3))
+    confidence = np.ones(fit.clip.keypoints.confidence.shape)
+    confidence[1, kp.INDEX["left_wrist"]] = 0.0
+    left, right = level_spans("hand_phases", with_keypoints(fit, confidence=confidence))
+    assert ((0, 0), (2, 2)) in left and ((0, 2),) in right
+
+
+def test_feet_stand_seem_to_stand_or_are_in_the_air_where_they_are_seen(tiny_body: BodyModel):
+    grounding = sample_grounding(1, 3)
+    contacts = Contacts(
+        probability=np.array([[0.9, 0.1], [0.9, 0.0], [0.2, 0.9]]),
+        standing=np.array([[True, False], [False, False], [False, True]]),
+        let_go=np.array([[False, False], [True, False], [False, False]]),
+    )
+    fit = replace(fit_of(tiny_body, still_params(3)), grounding=replace(grounding, contacts=contacts))
+    assert LEVELS["contacts"].parts == ("left foot", "right foot")
+    left, right = level_spans("contacts", fit)
+    assert left == (((2, 2),), ((1, 1),), ((0, 0),)) and right == (((0, 0),), (), ((2, 2),)), "unseen in frame 1"
+    assert level_spans("contacts", replace(fit, grounding=None)) == (((), (), ()),) * 2

@@ -1,10 +1,14 @@
-"""Vertices for the views."""
+"""Vertices for the views, evaluated only in frames whose parameters have changed."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from fitting_core.body.model import BodyModel
-from tcfit_app.analysis.meshes import Meshes
+from fitting_core.body.params import BodyParams
+from tcfit_app.analysis.meshes import FrameByFrame, Meshes
 from tests.samples.scenes import random_params
 
 
@@ -37,3 +41,80 @@ def test_memory_is_limited(tiny_body: BodyModel):
     assert [meshes.vertices("a", params, frame) is found[frame] for frame in (4, 3, 2)] == [True] * 3
     assert meshes.vertices("a", params, 0) is not found[0]
     assert all(vertices.base is None or vertices.base.nbytes == size for vertices in found)
+
+
+# --- frame by frame ---
+
+
+class Counting:
+    """Sums of betas, and how many frames each call was asked for."""
+
+    def __init__(self) -> None:
+        self.asked: list[int] = []
+
+    def __call__(self, params: BodyParams) -> np.ndarray:
+        self.asked.append(len(params))
+        return sum(values.numpy().sum(1) for values in vars(params).values())
+
+
+def moved(params: BodyParams, frames: list[int], by: float = 0.1) -> BodyParams:
+    pose = params.body_pose.clone()
+    pose[frames, 3] += by
+    return replace(params, body_pose=pose)
+
+
+@pytest.fixture
+def params() -> BodyParams:
+    return random_params(12)
+
+
+@pytest.mark.parametrize("frames", [[], [0], [3, 4, 11], list(range(12))])
+def test_only_what_has_changed_is_evaluated(params: BodyParams, frames: list[int]):
+    count = Counting()
+    known = FrameByFrame(count)
+    before = known(params)
+    copy = before.copy()
+    after = moved(params, frames)
+    np.testing.assert_allclose(known(after), Counting()(after))
+    assert count.asked == [12, *([len(frames)] if frames else [])]
+    np.testing.assert_array_equal(before, copy, "what was handed out stays")
+    assert not before.flags.writeable
+
+
+def test_the_nearest_of_what_is_known_is_taken(params: BodyParams):
+    count = Counting()
+    known = FrameByFrame(count)
+    far = moved(params, list(range(10)))
+    for value in (params, far, moved(far, [11])):
+        known(value)
+    assert count.asked == [12, 10, 1]
+    assert known(far) is known(far)
+    assert count.asked == [12, 10, 1]
+
+
+def test_other_lengths_and_other_hands_are_others(params: BodyParams):
+    count = Counting()
+    known = FrameByFrame(count)
+    known(params)
+    known(params[2:5])
+    wide = torch.zeros(12, 45, dtype=torch.float64)
+    known(replace(params, left_hand_pose=wide, right_hand_pose=wide))
+    assert count.asked == [12, 3, 12]
+
+
+def test_what_is_no_number_is_evaluated_again(params: BodyParams):
+    count = Counting()
+    known = FrameByFrame(count)
+    broken = moved(params, [5], float("nan"))
+    known(broken)
+    known(moved(broken, []))
+    assert count.asked == [12, 1]
+
+
+def test_joints_and_keypoints_of_a_corrected_fit(tiny_body: BodyModel, params: BodyParams):
+    one, fresh = Meshes(tiny_body), Meshes(tiny_body)
+    one.joints(params), one.keypoints(params)
+    after = moved(params, [2, 7], 0.5)
+    for found, expected in ((one.joints(after), fresh.joints(after)), (one.keypoints(after), fresh.keypoints(after))):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+    assert not np.allclose(one.joints(after)[2], one.joints(params)[2])

@@ -10,7 +10,7 @@ import sqlite3
 import subprocess
 import sys
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import replace
@@ -31,7 +31,7 @@ from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database, media
 from tcfit_app.project.storage import runs as runs_module
-from tcfit_app.project.storage.database import MIGRATIONS
+from tcfit_app.project.storage.database import MIGRATIONS, NAME, Database
 from tcfit_app.project.storage.lock import ProjectLocked
 from tests.samples.media import write_video
 from tests.samples.project_samples import (
@@ -681,3 +681,34 @@ def test_a_file_system_without_locks_is_no_other_tcfit(folder: Path, monkeypatch
         Project.open(folder)
     assert not isinstance(told.value, ProjectLocked)
     Project.open(folder, read_only=True).close()
+
+
+# --- transactions ---
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Database]:
+    Database.create(tmp_path / NAME)
+    made = Database(tmp_path / NAME, read_only=False)
+    yield made
+    made.close()
+
+
+def test_threads_wait_for_the_end_of_a_transaction(store: Database):
+    """Else one would begin inside another's, and read or roll back what that one has not finished."""
+    insert = "INSERT INTO edits (time, author, action) VALUES ('', '', '')"
+
+    def other() -> int:
+        with store.transaction() as connection:
+            connection.execute(insert)
+        return len(store.rows("SELECT id FROM edits"))
+
+    with ThreadPoolExecutor(2) as pool:
+        with pytest.raises(KeyboardInterrupt), store.transaction() as connection:
+            connection.execute(insert)
+            began, seen = pool.submit(other), pool.submit(store.rows, "SELECT id FROM edits")
+            for waiting in (began, seen):
+                with pytest.raises(TimeoutError):
+                    waiting.result(0.1)
+            raise KeyboardInterrupt
+        assert began.result(30) == 1 and len(seen.result(30)) <= 1

@@ -8,17 +8,20 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from fitting_core.clip import Clip
 from fitting_core.video.frames import FrameSource
 from tcfit_app.review.shared import video_frames
-from tcfit_app.review.shared.video_frames import FrameSize, VideoFrames, placeholder, shown_size
+from tcfit_app.review.shared.video_frames import FrameSize, VideoFrames, Videos, placeholder, shown_size
 from tests.drivers.waiting import until
 from tests.samples.media import write_film
+from tests.samples.project_samples import CAMERA, sample_clip
 
 COUNT, SIZE, STEP = 24, (1200, 640), 10
 
@@ -239,3 +242,32 @@ def test_many_readers_at_once(opened: Callable[..., VideoFrames]):
     wanted = [random.Random(seed).randrange(COUNT) for seed in range(60)]
     with ThreadPoolExecutor(6) as pool:
         assert [shown(jpeg) for jpeg in pool.map(lambda f: waited(frames, f, "playing"), wanted)] == wanted
+
+
+# --- one video for several people ---
+
+
+def clip_of(source: Path, first: int, count: int) -> Clip:
+    return replace(sample_clip(count), camera=replace(CAMERA, size=SIZE), source=source, first_frame=first)
+
+
+def test_people_of_one_video_share_its_frames(video: Path):
+    one, other = clip_of(video, 0, 8), clip_of(video, 5, 7)
+    videos = Videos([one, other], lambda: None)
+    first, second = videos.of(one), videos.of(other)
+    assert first is second and first.numbers == range(12)
+    assert [shown(waited(first, number)) for number in (0, 5, 11)] == [0, 5, 11]
+    videos.leave(first)
+    assert shown(waited(second, 7)) == 7, "it is still open"
+    videos.leave(second)
+    assert not second._thread.is_alive()
+
+
+def test_another_video_and_frames_beyond_the_others_are_opened_for_themselves(video: Path, tmp_path: Path):
+    moved = Path(shutil.copy(video, tmp_path))
+    videos = Videos([clip_of(video, 0, 4)], lambda: None)
+    opened = [videos.of(clip) for clip in (clip_of(video, 0, 4), clip_of(moved, 2, 3), clip_of(video, 2, 8))]
+    assert [one.numbers for one in opened] == [range(4), range(2, 5), range(2, 10)]
+    assert shown(waited(opened[1], 2)) == 2 and shown(waited(opened[2], 9)) == 9
+    for one in opened:
+        videos.leave(one)
