@@ -116,13 +116,6 @@ def test_every_relative_link_leads_somewhere(page: Path):
         assert not anchor or anchor in anchors(target), f"{link}: no such heading"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_a_page_of_the_site_links_to_nothing_outside(page: Path):
-    """mkdocs takes only what lies in docs/."""
-    links = (link.partition("#")[0] for link in _LINK.findall(text_of(page)) if not re.match(r"[a-z]+:", link))
-    assert all((page.parent / link).resolve().is_relative_to(DOCS) for link in links)
-
-
 def test_the_site_s_navigation_has_every_page():
     named = re.findall(r"^ +- .+: (\S+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
     assert sorted(named) == sorted(page.relative_to(DOCS).as_posix() for page in PAGES)

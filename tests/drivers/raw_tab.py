@@ -1,4 +1,4 @@
-"""A tab without a browser: a websocket that speaks viser's protocol, to a review that runs anywhere."""
+"""A tab without a browser: requests, and a websocket that speaks viser's protocol, to a review that runs anywhere."""
 
 import http.client
 import re
@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -20,21 +21,31 @@ _CONNECT = re.compile(r'tcfit\.connect\("([^"]+)"')
 _CURSOR = re.compile(r'tcfit\.receive\("cursor", \{"frame":(\d+)')
 
 
+@dataclass(frozen=True)
+class Answer:
+    """Of a server, to a request."""
+
+    status: int
+    headers: dict[str, str]
+    body: str
+
+
+def fetched(address: str, **headers: str) -> Answer:
+    """GET without redirects; underscores in names of headers become dashes."""
+    host, _, path = address.removeprefix("http://").partition("/")
+    client = http.client.HTTPConnection(host, timeout=2 * PATIENCE)
+    client.request("GET", f"/{path}", headers={name.replace("_", "-"): value for name, value in headers.items()})
+    response = client.getresponse()
+    body = response.read().decode(errors="replace")
+    client.close()
+    return Answer(response.status, dict(response.getheaders()), body)
+
+
 def admitted(link: str) -> str:
     """Comes in through a link; the cookie."""
-    host, path = _divided(link)
-    client = http.client.HTTPConnection(host, timeout=PATIENCE)
-    client.request("GET", path)
-    answer = client.getresponse()
-    answer.read()
-    client.close()
+    answer = fetched(link)
     assert answer.status == 200, answer.status
     return answer.headers["Set-Cookie"].partition(";")[0]
-
-
-def _divided(link: str) -> tuple[str, str]:
-    host, _, path = link.removeprefix("http://").partition("/")
-    return host, f"/{path}"
 
 
 def websocket(address: str, cookie: str, *, version: str = viser.__version__, path: str = "") -> ClientConnection:

@@ -21,7 +21,7 @@ from fitting_core.results.provenance import Start
 from tcfit_app.cli import fit_command
 from tcfit_app.cli.main import main, parse
 from tcfit_app.options import preparing
-from tcfit_app.options.fit import BodyOptions, fit_config
+from tcfit_app.options.fit import fit_config
 from tcfit_app.options.removed import REMOVED
 from tests.drivers.processes import INTERRUPTIBLE
 from tests.tcfit_app.conftest import FRAMES, FinishedRun
@@ -35,10 +35,6 @@ EVERY_OPTION = """
     --preset paper --config c.toml --temporal-weight 300 --window-size 9 --shape-sample 10 --device cuda --height 182.5
     --set hip_weight=1
 """.split()
-
-
-def _run(arguments: list[str]) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "tcfit_app", *arguments], capture_output=True, text=True)
 
 
 def test_help_loads_no_heavy_package():
@@ -188,7 +184,8 @@ def test_wrong_command_lines(arguments: list[str], message: str, capsys: pytest.
 
 
 def test_errors_of_a_process_have_no_traceback(tmp_path: Path):
-    done = _run(["fit", "--keypoints", str(tmp_path / "none"), "--out", str(tmp_path / "out")])
+    command = ["fit", "--keypoints", str(tmp_path / "none"), "--out", str(tmp_path / "out")]
+    done = subprocess.run([sys.executable, "-m", "tcfit_app", *command], capture_output=True, text=True)
     assert done.returncode == 2 and done.stdout == ""
     assert done.stderr.startswith("tcfit: No keypoints at") and "Traceback" not in done.stderr
 
@@ -365,13 +362,6 @@ def test_missing_opengl_does_not_fail_the_fit(
     told = capsys.readouterr()
     assert "overlay.mp4 was not written, but the fit is complete. No off-screen OpenGL" in told.err
     assert "Wrote fit.npz, summary.json into" in told.out
-
-
-def test_body_by_file(tmp_path: Path):
-    file = tmp_path / "SMPLX_MALE.npz"
-    file.touch()
-    assert preparing.body_file(BodyOptions(body_model=str(file))) == file
-    assert preparing.body_file(BodyOptions(models=tmp_path, gender="male")) == file
 
 
 def test_settings_are_a_configuration_file(tmp_path: Path, capsys: pytest.CaptureFixture):

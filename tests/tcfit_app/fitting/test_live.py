@@ -106,18 +106,6 @@ def test_the_window_follows_and_its_surroundings_stay(clip: Clip, body: BodyMode
     assert len(live.window) == len(c.frames) == 5
 
 
-def test_what_came_before_on_the_way_leaves_no_trace(clip: Clip, body: BodyModel, params: BodyParams):
-    direct = LiveCorrection(correction(clip, body, params), where(clip, by=(15, 5)))
-    settle(direct)
-    detour = LiveCorrection(correction(clip, body, params), where(clip, by=(0, 0)))
-    for by in ((10, 10), (-12, 4), (20, 0)):
-        detour.move(where(clip, by=by))
-        detour.resolve()
-    detour.move(where(clip, by=(15, 5)))
-    settle(detour)
-    assert apart(body, direct.params, detour.params) < 3
-
-
 @settings(max_examples=8)
 @given(
     frame=st.integers(0, FRAMES - 1),

@@ -1,6 +1,6 @@
 """The list behind the gate, without a browser: what it sends, what it takes, and whom it refuses."""
 
-import http.client
+import base64
 import shutil
 import threading
 import time
@@ -27,7 +27,7 @@ from tcfit_app.project.project import Project
 from tcfit_app.review.browser.channel import web_files
 from tcfit_app.server.gate import Entry
 from tcfit_app.server.serving import ReviewServer, review_server
-from tests.drivers.raw_tab import admitted, raw_tab
+from tests.drivers.raw_tab import admitted, fetched, raw_tab
 from tests.drivers.waiting import until
 from tests.samples.media import write_video
 from tests.tcfit_app.conftest import FinishedRun
@@ -45,12 +45,9 @@ class Served:
     cookie: str
 
     def get(self, path: str, cookie: str | None = None, **headers: str) -> tuple[int, str]:
-        client = http.client.HTTPConnection("127.0.0.1", self.server.address.port, timeout=PATIENCE)
-        client.request("GET", path, headers={"Cookie": self.cookie if cookie is None else cookie, **headers})
-        answer = client.getresponse()
-        text = answer.read().decode(errors="replace")
-        client.close()
-        return answer.status, answer.headers.get("Location") or text
+        cookie = self.cookie if cookie is None else cookie
+        answer = fetched(self.server.address.url + path, Cookie=cookie, **headers)
+        return answer.status, answer.headers.get("Location") or answer.body
 
     def socket(self, path: str = SOCKET, cookie: str | None = None, origin: str | None = None) -> Connection:
         address = self.server.address.url
@@ -301,15 +298,12 @@ def test_clips_are_exported_in_the_background(lab: Served):
 
 
 def test_those_who_signed_in_are_named(tmp_path: Path, free_body: BodyModel):
-    import base64
-
     root = folder_of_clips(tmp_path / "corpus", free_body)
     with served(root, entry=Entry(password="a long password")) as lab:
-        client = http.client.HTTPConnection("127.0.0.1", lab.server.address.port, timeout=PATIENCE)
         code = base64.b64encode(b"dora:a long password").decode()
-        client.request("GET", f"{PATH}{lab.key('a new.tcfit')}", headers={"Authorization": f"Basic {code}"})
-        answer = client.getresponse()
-        assert f"url={PATH}{lab.key('a new.tcfit')}" in answer.read().decode(), "to where it was asked for"
+        asked = PATH + lab.key("a new.tcfit")
+        answer = fetched(lab.server.address.url + asked, Authorization=f"Basic {code}")
+        assert f"url={asked}" in answer.body, "to where it was asked for"
         cookie = answer.headers["Set-Cookie"].partition(";")[0]
         with lab.socket(cookie=cookie) as page:
             received(page, "rows")

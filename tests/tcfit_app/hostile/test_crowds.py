@@ -1,6 +1,5 @@
 """Too many connections, and requests that come too soon: no traceback, and whoever is let in gets in."""
 
-import http.client
 import logging
 import os
 import resource
@@ -17,7 +16,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from tcfit_app.server import gated_viser
 from tcfit_app.server.serving import ReviewServer, review_server
 from tests.drivers.processes import ended, needs_fork, start
-from tests.drivers.raw_tab import PATIENCE, admitted, websocket
+from tests.drivers.raw_tab import PATIENCE, admitted, fetched, websocket
 
 pytestmark = pytest.mark.thorough
 
@@ -45,16 +44,6 @@ def received(client: socket.socket) -> bytes:
     except ConnectionResetError:
         pass
     return found
-
-
-def get(address: str, cookie: str) -> int:
-    """The status of the page."""
-    client = http.client.HTTPConnection(address.removeprefix("http://"), timeout=PATIENCE)
-    client.request("GET", "/", headers={"Cookie": cookie})
-    answer = client.getresponse()
-    answer.read()
-    client.close()
-    return answer.status
 
 
 def loud(records: list[logging.LogRecord]) -> list[str]:
@@ -88,7 +77,7 @@ def test_requests_behind_each_other(
         assert answer.startswith(
             b"HTTP/1.1 101" if known and upgrade else b"HTTP/1.1 200" if known else b"HTTP/1.1 403"
         )
-        assert get(address, cookie) == 200
+        assert fetched(address, Cookie=cookie).status == 200
     assert not loud(caplog.records)
     assert capfd.readouterr() == ("", "")
 
@@ -141,13 +130,13 @@ def test_idle_connections_where_few_files_may_be_open(tmp_path: Path, capfd: pyt
             opened.enter_context(connected(server.address))
         begin = time.monotonic()
         cookie = admitted(server.link)
-        assert get(server.address, cookie) == 200
+        assert fetched(server.address, Cookie=cookie).status == 200
         tab = opened.enter_context(websocket(server.address, cookie))
         assert tab.recv(timeout=PATIENCE)
         waited = time.monotonic() - begin
         for _ in range(50):
             opened.enter_context(connected(server.address))
-        assert get(server.address, cookie) == 200
+        assert fetched(server.address, Cookie=cookie).status == 200
         assert tab.ping().wait(PATIENCE), "whoever is in stays in"
     assert not server.loud
     assert waited < SOON
@@ -160,7 +149,7 @@ def test_no_file_can_be_opened_any_more(tmp_path: Path, capfd: pytest.CaptureFix
         for _ in range(70):
             opened.enter_context(connected(server.address))
         begin = time.monotonic()
-        assert get(server.address, admitted(server.link)) == 200
+        assert fetched(server.address, Cookie=admitted(server.link)).status == 200
         waited = time.monotonic() - begin
     [told] = server.loud
     assert "may open no more files" in told and len(told) < 200

@@ -1,7 +1,6 @@
 """The gate in front of viser, tried with real clients."""
 
 import base64
-import http.client
 import logging
 import socket
 import threading
@@ -10,7 +9,6 @@ import webbrowser
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack
-from dataclasses import dataclass
 from ipaddress import ip_address
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,6 +26,7 @@ from tcfit_app.server import gated_viser
 from tcfit_app.server.address import Address, listen
 from tcfit_app.server.gate import PROTECTION, Entry
 from tcfit_app.server.serving import ReviewServer, browser_at_hand, review_server
+from tests.drivers.raw_tab import Answer, admitted, fetched
 from tests.drivers.waiting import until
 
 if TYPE_CHECKING:
@@ -51,21 +50,8 @@ def server() -> Iterator[ReviewServer]:
         yield running
 
 
-@dataclass(frozen=True)
-class Answer:
-    status: int
-    headers: dict[str, str]
-    body: str
-
-
 def get(server: ReviewServer, path: str, **headers: str) -> Answer:
-    """GET without redirects; underscores in names of headers become dashes."""
-    client = http.client.HTTPConnection("127.0.0.1", server.address.port, timeout=20)
-    client.request("GET", path, headers={name.replace("_", "-"): value for name, value in headers.items()})
-    response = client.getresponse()
-    body = response.read().decode()
-    client.close()
-    return Answer(response.status, dict(response.getheaders()), body)
+    return fetched(f"http://127.0.0.1:{server.address.port}{path}", **headers)
 
 
 def entrance(server: ReviewServer) -> str:
@@ -75,9 +61,7 @@ def entrance(server: ReviewServer) -> str:
 
 def admit(server: ReviewServer) -> str:
     """Comes in through the link; the cookie."""
-    answer = get(server, entrance(server))
-    assert answer.status == 200
-    return answer.headers["Set-Cookie"].partition(";")[0]
+    return admitted(f"http://127.0.0.1:{server.address.port}{entrance(server)}")
 
 
 @pytest.fixture(scope="module")
