@@ -54,6 +54,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return source / done.stdout.splitlines()[-1]
 
 
+@pytest.mark.thorough
 def test_a_wheel_holds_every_source_and_asset(wheel: Path) -> None:
     wanted = {
         f"{place}/{path.relative_to(ROOT / folder).as_posix()}"
@@ -64,6 +65,7 @@ def test_a_wheel_holds_every_source_and_asset(wheel: Path) -> None:
     assert wanted <= set(zipfile.ZipFile(wheel).namelist())
 
 
+@pytest.mark.thorough
 def test_a_wheel_holds_licence_notice_and_command(wheel: Path) -> None:
     archive = zipfile.ZipFile(wheel)
     names = archive.namelist()
@@ -73,6 +75,7 @@ def test_a_wheel_holds_licence_notice_and_command(wheel: Path) -> None:
     assert "tcfit = tcfit_app.cli.main:main" in archive.read(points).decode()
 
 
+@pytest.mark.thorough
 def test_an_installed_wheel_finds_its_data_and_takes_no_other_names(wheel: Path, tmp_path: Path) -> None:
     target = tmp_path / "installed"
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--no-compile"]

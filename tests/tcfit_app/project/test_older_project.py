@@ -15,7 +15,6 @@ from fitting_core.config.schema import SolverSettings
 from fitting_core.keypoints import INDEX
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.cli.main import main
-from tcfit_app.exports.table import EXPORTS
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.edit_log import Undo
 from tcfit_app.project.edits.kinds import MarkBad, SwapSides
@@ -30,8 +29,8 @@ PACKED = Path(__file__).parents[2] / "samples" / "projects" / "before-the-first-
 """Of `sample_clip` with images, five edits of which the last was undone, four runs, of which one was deleted and one
 was under way when its process died, and marks. Only ever added to: projects of all versions exist."""
 _ARM = ("shoulder", "elbow", "wrist")
-_NEEDING_MORE = ("picture", "sheet", "overlay", "side-by-side", "contacts", "fbx")
-WITHOUT_OPENGL = [name for name in EXPORTS if name not in _NEEDING_MORE]
+FORMATS = ("npz", "fit", "summary", "figures", "openpose", "elan", "project")
+"""What depends on how a project was kept, rather than on the body alone."""
 
 
 @pytest.fixture
@@ -117,8 +116,8 @@ def test_it_is_reviewed(panel_server: viser.ViserServer, project: Project):
 
 def test_it_is_exported(folder: Path, tmp_path: Path):
     out = tmp_path / "out"
-    arguments = ["export", str(folder), "--out", str(out), "--run", "2", "--formats", *WITHOUT_OPENGL]
+    arguments = ["export", str(folder), "--out", str(out), "--run", "2", "--formats", *FORMATS]
     assert main(arguments) == 0
-    assert len(list(out.iterdir())) == len(WITHOUT_OPENGL)
+    assert len(list(out.iterdir())) == len(FORMATS)
     with zipfile.ZipFile(out / "walk.tcfit.zip") as archive:
         assert "media/frames/00.png" in archive.namelist() and "runs/000004.npz" not in archive.namelist()
