@@ -229,9 +229,9 @@ def given(review: Reviewing) -> Iterator[str]:
     shown, tab = fitted(review).run, review.page.tab
     told = Given(start=Source(run=shown.id), shape=Source(run=shown.id))
     open_panel(review, "Fit")
-    review.tab.get_by_text("Start, person").click()
+    review.tab.get_by_text("▸ All settings").click()
     show(review, settings=replace(tab.state.settings, given=told))
-    review.tab.get_by_text("Start, person").scroll_into_view_if_needed()
+    review.tab.get_by_text("Start from").scroll_into_view_if_needed()
     settle(review)
     yield "start"
     wrong = (("shape", "Path of the shape is empty; expected the path of a file or folder."),)
@@ -240,7 +240,7 @@ def given(review: Reviewing) -> Iterator[str]:
     show(review, settings=replace(tab.state.settings, given=Given(), problems=()))
     use = review.tab.get_by_role("button", name="Use this camera")
     if not use.is_visible():
-        review.tab.get_by_text("How it was filmed").click()
+        review.tab.get_by_text("▸ Camera").click()
     use.scroll_into_view_if_needed()
     settle(review)
     yield "camera"

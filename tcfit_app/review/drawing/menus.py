@@ -9,7 +9,7 @@ from tcfit_app.review.gestures.actions import ACTIONS, OF_SELECTION, Gestures, N
 from tcfit_app.review.gestures.edit_words import part_name
 
 _OF_FRAMES = (
-    ("rerun", "Re-run {}"),
+    ("rerun", "Fit {}"),
     None,
     ("bad", "Mark bad or restore, {}"),
     ("reset", "Reset, {}"),

@@ -452,8 +452,8 @@ _FRAMES: tuple[_Row, ...] = (
     ("copy_link", "Copy a link to this frame and fit", "", lambda g: g.noting.copy_link(), ()),
 )
 _FIT: tuple[_Row, ...] = (
-    ("rerun", "Re-run the selected frames", "r", lambda g: g.fitting.frames(), (*_AGAIN, _selected_frames)),
-    ("rerun_shape", "Re-run the shape", "", lambda g: g.fitting.shape(), _AGAIN),
+    ("rerun", "Fit the selected frames", "r", lambda g: g.fitting.frames(), (*_AGAIN, _selected_frames)),
+    ("rerun_shape", "Fit the shape again", "", lambda g: g.fitting.shape(), _AGAIN),
     ("fit", "Fit everything", "Shift+r", lambda g: g.fitting.everything(), (writable, keypoints, settings)),
     ("cancel", "Cancel all fitting", "", lambda g: g.tab.session.cancel(), ()),
 )

@@ -98,7 +98,7 @@ class Fitting:
         def begin(known: KnownInputs) -> None:
             run = session.rerun_shape(before, settings.config, known=known)
             self._show_beside(before, FitChoice(run=run.id))
-            self._tab.say("Re-run shape: started")
+            self._tab.say("Fit the shape again: started")
 
         if settings.given.shape is None:
             begin(NOTHING)
@@ -110,7 +110,7 @@ class Fitting:
         before = self.base()
         run = self._tab.session.rerun_frames(before, self._checked().config, windows)
         self._show_beside(before, FitChoice(run=run.id))
-        self._tab.say("Re-run: started")
+        self._tab.say("Fit the selected frames: started")
 
     def _show_beside(self, before: Shown | None, b: FitChoice) -> None:
         """Show the new run as B and the previous B as A, so that the change is visible."""

@@ -334,8 +334,8 @@ class Session:
         start = self._start_of(shown)
         if start.last.phase < 2 and shown.run.state != "running":
             raise InputError(
-                f"{shown.run.name} ended after phase 1, in which each frame has its own shape. Find a shape "
-                "for all frames with Re-run shape, then re-run frames of that run."
+                f"{shown.run.name} ended after phase 1, in which each frame has its own shape. Fit "
+                "the shape again for all frames, then fit frames of that run."
             )
         body = self.bodies.of(shown.run.body)
         job = RerunFrames(clip=self.clip_of(start.camera), body=body, config=config, start=start, windows=windows)

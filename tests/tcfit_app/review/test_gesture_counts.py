@@ -121,12 +121,12 @@ def test_another_weight_on_a_range_beside_the_old_run(user: User):
     runs = len(review.session.fits.runs)
     user.select_frames(6, 14)
     user.press("tab", "Fit")
-    field = review.tab.get_by_label("w_T", exact=False).first
+    field = review.tab.get_by_label("Smoothness (w_T)").first
     user.count += 1
     field.fill("500")
     field.press("Enter")
     until(lambda: page.tab.state.settings.config.temporal.weight == 500, "the weight")
-    user.press("button", "Re-run frames")
+    user.press("button", "Fit frames")
     until(lambda: len(review.session.fits.runs) > runs, "the run")
     user.key("2")
     review.rest()

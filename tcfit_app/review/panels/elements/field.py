@@ -12,6 +12,12 @@ from fitting_core.errors import InputError
 from tcfit_app.review.tab.tab import Tab
 
 Value = TypeVar("Value", str, int, float, Any)
+When = Callable[[], bool]
+
+
+def always() -> bool:
+    """Nothing depends on the state."""
+    return True
 
 
 class Field(Generic[Value]):
@@ -27,6 +33,7 @@ class Field(Generic[Value]):
         take: receives what the user set, on the drawing thread.
         read: its value in the state, for `draw`; None keeps what it shows.
         off: whether it cannot be set now, for `draw`.
+        when: whether it is shown, for `draw`.
     """
 
     def __init__(
@@ -37,8 +44,10 @@ class Field(Generic[Value]):
         read: Callable[[], Value | None] = lambda: None,
         *,
         off: Callable[[], object] = lambda: False,
+        when: When = always,
     ) -> None:
         self._tab, self._handle, self._take, self._read, self._off = tab, handle, take, read, off
+        self._when = when
         self._given, self._taken = 0, 0  # one thread counts each
         handle.on_update(self._updated)  # pyright: ignore[reportArgumentType]
 
@@ -57,6 +66,8 @@ class Field(Generic[Value]):
         """Update to the state."""
         if (value := self._read()) is not None:
             self.show(value)  # pyright: ignore[reportArgumentType] - the solved type variable
+        if self._handle.visible is not (there := self._when()):
+            self._handle.visible = there
         self.enable(not self._off())
 
     @property
@@ -93,8 +104,9 @@ class Dropdown(Field[str]):
         *,
         options: Callable[[], Sequence[str]] | None = None,
         off: Callable[[], object] = lambda: False,
+        when: When = always,
     ) -> None:
-        super().__init__(tab, handle, take, read, off=off)
+        super().__init__(tab, handle, take, read, off=off, when=when)
         self._dropdown, self._options = handle, options
 
     def draw(self) -> None:

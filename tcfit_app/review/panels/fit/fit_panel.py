@@ -6,12 +6,13 @@ from typing import ClassVar
 
 import viser
 
+from fitting_core.keypoint_noise import DETECTOR_TITLES
 from tcfit_app.fitting.fit_progress import duration, time_left
-from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.reports import RunningJob
-from tcfit_app.project.frame_words import numbers
-from tcfit_app.project.storage.run_record import Given
+from tcfit_app.project.frame_words import in_words
+from tcfit_app.project.storage.run_record import Source
 from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.panels.elements.fold import Fold
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -24,7 +25,6 @@ from tcfit_app.review.panels.elements.html import (
     words,
 )
 from tcfit_app.review.panels.fit.fit_settings import FitInputs
-from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
 
 
@@ -36,65 +36,104 @@ class FitPanel:
 
     def __init__(self, gestures: Gestures) -> None:
         self._gestures, self._tab = gestures, gestures.tab
-        tab, gui = gestures.tab, gestures.tab.client.gui
-        self._inputs = FitInputs(tab)
-        self._inputs.add_preset()
-        self._inputs.add("temporal.weight", "temporal.mode", "temporal.window_size")
-        self._everything = Board(tab)
-        self._again = Board(tab)
+        tab = gestures.tab
+        self._inputs = inputs = FitInputs(tab)
+        self._head = Board(tab)
+        inputs.add_preset(self._again)
+        inputs.add("temporal.weight", when=self._again)
+        inputs.add("shape_sample.size", when=lambda: self._again() and self._frames is None)
+        inputs.add_height(lambda: self._writable and self._frames is None)
+        self._main = Board(tab)
+        inputs.add_changed()
         self._progress = RunningJobs(tab)  # below all buttons, so that they do not move when a fit begins
-        with gui.add_folder("Start, person", expand_by_default=False):
-            self._inputs.add_height()
-            self._inputs.add_given()
-        with gui.add_folder("Shape, prior"):
-            self._inputs.add("shape_sample.size", "shape_sample.strategy", "pose_prior", "silhouettes")
-        begins = not tab.session.fits.runs and not tab.session.project.footage.camera.calibrated
-        with gui.add_folder("How it was filmed", expand_by_default=begins):
-            self._inputs.add_camera()
-        with gui.add_folder("Body", expand_by_default=False):
-            self._inputs.add_body()
-        with gui.add_folder("All settings", expand_by_default=False):
-            self._inputs.add_source()
+        self._camera, self._every = Fold(tab, "fit.camera"), Fold(tab, "fit.all")
+        with self._camera:
+            inputs.add_camera()
+        with self._every:
+            self._part("Method", first=True)
+            inputs.add_preset(self._first)
+            inputs.add("temporal.weight", "shape_sample.size", when=self._first)
+            inputs.add("temporal.mode")
+            inputs.add("temporal.window_size", when=lambda: tab.state.settings.config.temporal.mode != "global")
+            inputs.add("shape_sample.strategy", "pose_prior", "solver", "silhouettes")
+            self._part("Start")
+            inputs.add_given()
+            self._shape = Board(tab)
+            self._part("Body")
+            inputs.add_body()
+            self._part("Files")
+            self._files = Board(tab)
+            self._part("As text")
+            inputs.add_source()
+
+    def _part(self, title: str, *, first: bool = False) -> None:
+        Board(self._tab).show(heading(title, first=first))
+
+    # --- what is shown when ---
+
+    @property
+    def _writable(self) -> bool:
+        return not self._tab.session.project.read_only
+
+    def _again(self) -> bool:
+        return self._writable and bool(self._tab.session.fits.runs)
+
+    def _first(self) -> bool:
+        return not self._again()
+
+    @property
+    def _frames(self) -> range | None:
+        """The frames that are fitted again; None: a whole fit."""
+        return self._tab.state.frames if self._tab.shown.b is not None else None
+
+    # --- drawing ---
 
     def draw(self) -> None:
         """See `Panel.draw`."""
         self._inputs.draw()
         self._progress.draw()
-        self._draw_buttons()
+        self._camera.draw("Camera", on=self._writable)
+        self._every.draw("All settings", on=self._writable)
+        self._head.show(*self._heading())
+        self._main.show(*self._button(after=self._again()))
+        shape = self._tab.state.settings.given.shape
+        again = "Fit the shape again" if shape is None else f"Fit the shape again as {self._named(shape)}"
+        self._shape.show(row(action(self._gestures, "rerun_shape", again)))
+        detector = self._tab.session.project.footage.detector
+        by = f"detected by {DETECTOR_TITLES.get(detector, detector)}" if detector else "of an unknown detector"
+        self._files.show(paragraph(f"Keypoints: {by}."))
 
-    def _draw_buttons(self) -> None:
-        tab, state = self._tab, self._tab.state
-        fit = tab.shown.b
-        told = paragraph(self._told(state.settings), "dim") if state.settings.given != Given() else Html()
-        self._everything.show(row(action(self._gestures, "fit", kind="main")), told)
-        self._again.show(
-            heading("Refit B", "" if fit is not None else "there is no fit yet"),
-            row(action(self._gestures, "rerun", self._frames_label(fit))),
-            row(action(self._gestures, "rerun_shape", self._shape_label(state.settings))),
-        )
+    def _heading(self) -> list[Html]:
+        frames, first = self._frames, self._tab.first_frame
+        if not self._writable:
+            return [] if self._tab.session.fits.runs else [paragraph("Open read-only; there is no fit.")]
+        if not self._again():
+            begin = paragraph("Keypoints are there. Fit the body to them.")
+            return [heading("No fit yet", first=True), begin, *self._button(after=False)]
+        return [heading("Fit again" if frames is None else f"Fit again: {in_words(frames, first)}", first=True)]
 
-    def _told(self, now: FitSettings) -> str:
+    def _button(self, *, after: bool) -> list[Html]:
+        """The one main button, and what its fit is given; below the inputs once there is a fit."""
+        if after != self._again() or not self._writable:
+            return []
+        name, frames = "fit" if self._frames is None else "rerun", self._frames
+        label = "Fit everything" if frames is None else f"Fit {in_words(frames, self._tab.first_frame)}"
+        alone = [paragraph(f"Fits {self._tab.someone.name} only.", "dim")] if self._tab.someone.others else []
+        return [row(action(self._gestures, name, label, kind="main")), *alone, *self._given()]
+
+    def _given(self) -> list[Html]:
         """What the next whole fit is given besides the clip."""
-        runs, parts = self._tab.session.fits, []
+        now, parts = self._tab.state.settings, []
         if now.given.start is not None:
             held = now.config.start_deviation
             near = "" if held is None else f", held within about {100 * held:g} cm of it"
-            parts.append(f"starts from {runs.named(now.given.start)}{near}")
+            parts.append(f"starts from {self._named(now.given.start)}{near}")
         if now.given.shape is not None:
-            parts.append(f"uses the shape of {runs.named(now.given.shape)}")
-        return f"The next fit {' and '.join(parts)}."
+            parts.append(f"uses the shape of {self._named(now.given.shape)}")
+        return [paragraph(f"The next fit {' and '.join(parts)}.", "dim")] if parts else []
 
-    def _shape_label(self, now: FitSettings) -> str:
-        shape = now.given.shape
-        return "Re-run shape" if shape is None else f"Re-run shape as {self._tab.session.fits.named(shape)}"
-
-    def _frames_label(self, fit: Shown | None) -> str:
-        frames = self._tab.state.frames
-        if fit is None:
-            return "Re-run frames"
-        if frames is None:
-            return "Re-run frames (Shift-drag selects)"
-        return f"Re-run frames {numbers(frames, self._tab.first_frame)}"
+    def _named(self, source: Source) -> str:
+        return self._tab.session.fits.named(source)
 
 
 class RunningJobs:

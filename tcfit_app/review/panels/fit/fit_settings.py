@@ -21,9 +21,16 @@ from fitting_core.priors.files.registry import list_priors
 from tcfit_app.project.storage.run_record import Source
 from tcfit_app.review.gestures.fitting import camera_of
 from tcfit_app.review.panels.elements.camera_input import CameraInput
-from tcfit_app.review.panels.elements.field import Dropdown, Field, Number, NumberField, for_writers
-from tcfit_app.review.panels.elements.html import Board, button, joined, paragraph, row, tag, text
-from tcfit_app.review.panels.elements.html import words as marked
+from tcfit_app.review.panels.elements.field import (
+    Dropdown,
+    Field,
+    Number,
+    NumberField,
+    When,
+    always,
+    for_writers,
+)
+from tcfit_app.review.panels.elements.html import Board, button, paragraph, row
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
 
@@ -42,31 +49,52 @@ class _Row:
 
 
 ROWS = {
-    "temporal.weight": _Row("w_T", "Weight of consistency over time: the higher, the smoother", 1e5),
+    "temporal.weight": _Row(
+        "Smoothness (w_T)", "Weight of consistency over time, E_T in the method: the higher, the smoother", 1e5
+    ),
     "temporal.mode": _Row(
         "Mode", "How consistency over time is solved: a sliding window as in the paper, or all frames at once"
     ),
-    "temporal.window_size": _Row("Window", "Frames per sliding window; not used in global mode"),
-    "shape_sample.size": _Row("Shape frames", "Number of frames that determine the shared shape"),
+    "temporal.window_size": _Row("Window", "Frames per sliding window"),
+    "shape_sample.size": _Row("Frames for body shape", "Number of frames that determine the shared shape"),
     "shape_sample.strategy": _Row(
-        "Selected by", "How they are selected: at random, the most confident, or so that all parts are visible"
+        "Frames selected by", "How they are selected: at random, the most confident, or so that all parts are visible"
     ),
     "pose_prior": _Row("Pose prior", "What counts as a likely pose"),
     "silhouettes": _Row("Silhouettes", "Also fit the shape to the person's silhouette (Shift+U shows it)"),
+    "solver": _Row("Solver", "How costs are minimised; the paper uses L-BFGS"),
     "height": _Row("Height (cm)", "The person's height without shoes; it determines the distance"),
 }
 """By dotted name. All others are in the text of all settings."""
-_CHOICES: dict[str, Any] = {"sliding window": "sliding_window", "on": True, "off": False}
-"""Choices shown in other words, by those words."""
+_CHOICES: dict[str, Any] = {
+    "sliding window": "sliding_window",
+    "all frames at once": "global",
+    "at random": "random",
+    "highest confidence": "confident",
+    "all parts visible": "coverage",
+    "around the T-pose": "axis_angle",
+    "standing at ease": "relaxed",
+    "learned (tcfit)": "tcfit",
+    "learned (VPoser)": "vposer",
+    "Levenberg-Marquardt": "lm",
+    "L-BFGS": "lbfgs",
+    "on": True,
+    "off": False,
+}
+"""Choices by their names."""
 CHOICE_WORDS = {str(choice): word for word, choice in _CHOICES.items()}
-"""The words for each choice, by its text."""
+"""The name of each choice, by its text."""
+PRESET_LINES = {
+    "tcfit": "Most accurate.",
+    "paper": "As published: a sliding window over time.",
+    "smplifyx": "The first pass as in SMPLify-X, then as published.",
+}
+"""What the presets are for."""
 _FOCAL = Number(label="Focal length", low=1.0, high=1e6, of="pixels")
 _HELD = Number(label="Held near (m)", low=0.001, high=10.0)
 _BODY = frozenset(("kind", "gender"))
 """Inputs whose values are valid or invalid together: a right one settles the problem of the other."""
 _SOURCE = "All settings"
-_LISTED = 80
-"""Characters that fit on two lines."""
 _FILE = "a file …"
 _PATH = "Path of the shape"
 
@@ -113,51 +141,57 @@ def nearest_preset(config: FitConfig) -> str:
 def words(name: str) -> str:
     """A setting in a sentence: its label, or its dotted name."""
     label = ROWS[name].label if name in ROWS else name
-    return label if label == "w_T" else label[0].lower() + label[1:]
+    return label[0].lower() + label[1:]
 
 
 def pose_priors(now: str) -> tuple[str, ...]:
-    """Those on this computer, and the current one."""
+    """The names of those on this computer, and of the current one."""
     latent = [prior.name for prior in list_priors() if not prior.problem]
     there = [name for name in POSE_PRIORS if name in ("axis_angle", "relaxed") or name in latent]
-    return tuple(dict.fromkeys([*there, now]))
+    return tuple(dict.fromkeys(map(_word, [*there, now])))
 
 
 class FitInputs:
-    """Inputs for a tab's `FitSettings`; each is created where its method is called."""
+    """Inputs for a tab's `FitSettings`; each is created where its method is called, and shown while `when` says so."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab, self._gui = tab, tab.client.gui
         self._fields: list[Field[Any]] = []
+        self._lines: list[tuple[Board, When]] = []
+        """The lines about the preset."""
         self._height = tab.session.project.height
         """The project's, as this tab knows it."""
 
     # --- elements ---
 
-    def add_preset(self) -> None:
-        """The preset, what differs from it or is wrong, and the way back; always the same height, so that inputs below
-        do not move under the pointer."""
-        hint = "tcfit: best results; paper and smplifyx: as published"
-        self._add_dropdown("preset", "Preset", PRESETS, hint, self._take_preset, lambda s: s.preset)
+    def add_preset(self, when: When = always) -> None:
+        """The preset, with a line about it."""
+        hint = " ".join(f"{name}: {line}" for name, line in PRESET_LINES.items())
+        self._add_dropdown("preset", "Preset", PRESETS, hint, self._take_preset, lambda s: s.preset, when=when)
+        self._lines.append((Board(self._tab), when))
+
+    def add_changed(self) -> None:
+        """What differs from the preset or is wrong, and the way back."""
         self._changed = Board(self._tab)
 
-    def add(self, *names: str) -> None:
+    def add(self, *names: str, when: When = always) -> None:
         """Inputs for settings in ROWS."""
         for name in names:
-            self._add_setting(name)
+            self._add_setting(name, when)
 
-    def _add_setting(self, name: str) -> None:
+    def _add_setting(self, name: str, when: When) -> None:
         kind, known, take = settings()[name].type, ROWS[name], partial(self._take, name)
         if kind in (int, float):
-            self._add_number(name, self._number(name), known.hint, take, lambda s: value_of(s.config, name))
+            read = lambda s: value_of(s.config, name)  # noqa: E731
+            self._add_number(name, self._number(name), known.hint, take, read, when=when)
             return
         options = self._pose_priors if name == "pose_prior" else None
         values = options() if options else [_word(value) for value in get_args(kind) or (True, False)]
         self._add_dropdown(
-            name, known.label, values, known.hint, take, lambda s: _word(value_of(s.config, name)), options
+            name, known.label, values, known.hint, take, lambda s: _word(value_of(s.config, name)), options, when=when
         )
 
-    def add_height(self) -> None:
+    def add_height(self, when: When = always) -> None:
         """The person's height, or nothing; stored in the project."""
         known = RANGES["height"]
         of = "leave it empty if unknown"
@@ -169,7 +203,8 @@ class FitInputs:
                 project.set_height(self._tab.state.settings.config.height)
                 self._height = project.height
 
-        self._add_number("height", number, ROWS["height"].hint, take, lambda s: s.config.height, optional=True)
+        hint = ROWS["height"].hint
+        self._add_number("height", number, hint, take, lambda s: s.config.height, optional=True, when=when)
 
     def add_body(self) -> None:
         """Body model and gender."""
@@ -188,18 +223,23 @@ class FitInputs:
 
     def add_given(self) -> None:
         """What a fit is given besides its clip: the result it starts from, and the person's shape."""
-        hint = "The run that phase 1 of a whole fit starts from; the panel Runs imports results of other programs"
+        hint = "The fit or imported result that the first pass starts from"
         self._add_source("start", "Start from", hint, "nothing: only the clip")
         hint = "How close the fit stays to its start; empty: it only starts there"
-        self._add_number("held", _HELD, hint, self._take_held, lambda s: s.config.start_deviation, optional=True)
-        hint = "Use this run's or file's body shape, for whole fits and for Re-run shape"
+        started: When = lambda: self._tab.state.settings.given.start is not None  # noqa: E731
+        read: Callable[[FitSettings], float | None] = lambda s: s.config.start_deviation  # noqa: E731
+        self._add_number("held", _HELD, hint, self._take_held, read, optional=True, when=started)
+        hint = "Use this fit's or file's body shape, for whole fits and for fitting the shape again"
         self._add_source("shape", "Same person as", hint, "nobody: estimate from the clip", file=True)
         hint = "On the computer that runs tcfit: a project, a result's folder, or an npz or JSON file with betas"
-        self._path = self._gui.add_text(_PATH, "", hint=hint, visible=False)
         self._add(
-            "shape", self._path, self._take_path, lambda s: s.given.shape.path if s.given.shape else "", kind=Field
+            "shape",
+            self._gui.add_text(_PATH, "", hint=hint, visible=False),
+            self._take_path,
+            lambda s: s.given.shape.path if s.given.shape else "",
+            kind=Field,
+            when=lambda: (shape := self._tab.state.settings.given.shape) is not None and shape.run is None,
         )
-        self._given_problem = Board(self._tab)
 
     def add_source(self) -> None:
         """All settings as editable text."""
@@ -230,6 +270,7 @@ class FitInputs:
         read: Callable[[FitSettings], float | None],
         *,
         optional: bool = False,
+        when: When = always,
     ) -> None:
         def shown(now: FitSettings) -> str:
             return "" if (value := read(now)) is None else number.shown(value)
@@ -240,7 +281,7 @@ class FitInputs:
         handle = self._gui.add_text(
             number.label, shown(self._tab.state.settings), hint=f"{hint}. {number.range.capitalize()}."
         )
-        self._add(name, handle, typed, shown, kind=NumberField)
+        self._add(name, handle, typed, shown, kind=NumberField, when=when)
 
     def _add_dropdown(
         self,
@@ -251,10 +292,12 @@ class FitInputs:
         take: Callable[[str], None],
         read: Callable[[FitSettings], str],
         options: Callable[[], Sequence[str]] | None = None,
+        *,
+        when: When = always,
     ) -> None:
         now = read(self._tab.state.settings)
         handle = self._gui.add_dropdown(label, tuple(values), initial_value=now, hint=hint)
-        self._add(name, handle, take, read, kind=partial(Dropdown, options=options))
+        self._add(name, handle, take, read, kind=partial(Dropdown, options=options), when=when)
 
     def _add(
         self,
@@ -264,6 +307,7 @@ class FitInputs:
         read: Callable[[FitSettings], Any],
         *,
         kind: Callable[..., Field[Any]],
+        when: When = always,
     ) -> None:
         tab = self._tab
 
@@ -275,7 +319,8 @@ class FitInputs:
         def off() -> bool:
             return tab.session.project.read_only or name in without_effect(tab.state.settings.config, tab.length)
 
-        self._fields.append(kind(tab, handle, lambda value: self._attempt(name, lambda: take(value)), shown, off=off))
+        attempt: Callable[[Any], None] = lambda value: self._attempt(name, lambda: take(value))  # noqa: E731
+        self._fields.append(kind(tab, handle, attempt, shown, off=off, when=when))
 
     def _add_source(
         self, name: Literal["start", "shape"], label: str, hint: str, none: str, *, file: bool = False
@@ -384,8 +429,8 @@ class FitInputs:
         self._calibration.draw()
         self._draw_changed(now)
         self._draw_focal(now)
-        self._path.visible = now.given.shape is not None and now.given.shape.run is None
-        self._given_problem.show(*(paragraph(why, "bad") for name, why in now.problems if name in ("shape", "held")))
+        for board, when in self._lines:
+            board.show(*([paragraph(PRESET_LINES[now.preset], "dim")] if when() else []))
         self._draw_source(now)
 
     def _follow_height(self) -> None:
@@ -396,23 +441,17 @@ class FitInputs:
             self._set(config=replace(self._tab.state.settings.config, height=height))
 
     def _draw_changed(self, now: FitSettings) -> None:
-        names, problems = differences(now.config, now.preset, self._tab.length), [why for _, why in now.problems]
-        listed = ", ".join(map(words, names)) or "nothing"
-        said = listed if len(listed) <= _LISTED else f"{len(names)} settings"
-        more = f" ({len(problems) - 1} more)" if len(problems) > 1 else ""
-        told = (
-            marked(problems[0] + more, "bad")
-            if problems
-            else joined(text("Changed from the preset: "), marked(said, "strong"))
-        )
+        names = differences(now.config, now.preset, self._tab.length)
         back = button(
             "Back to the preset",
             "fit.preset",
             do=lambda: self._take_preset(self._tab.state.settings.preset),
-            disabled=not names and not problems,
             hint="Resets all settings to the preset",
         )
-        self._changed.show(tag("p", told, class_="tcfit-two-lines", title="\n".join(problems) or listed), row(back))
+        told = [paragraph(why, "bad") for _, why in now.problems]
+        if names and not told:
+            told = [paragraph(f"Changed from the preset: {', '.join(map(words, names))}")]
+        self._changed.show(*([*told, row(back)] if told else []))
 
     def _draw_focal(self, now: FitSettings) -> None:
         camera = self._camera

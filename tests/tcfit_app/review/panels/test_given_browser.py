@@ -29,14 +29,14 @@ def opened(tmp_path_factory: pytest.TempPathFactory, browser: "Browser") -> Iter
 def test_a_start_and_a_shape_are_chosen_and_stay_after_a_reload(opened: Reviewing, tmp_path: Path):
     state = lambda: opened.page.tab.state.settings  # noqa: E731 - the page is another one after the reload
     opened.panel("Fit")
-    opened.tab.get_by_text("Start, person").click()
+    opened.tab.get_by_text("All settings").click()
     opened.choose("Start from", "2 · second")
     opened.choose("Same person as", "1 · first")
     until(lambda: state().given == Given(start=Source(run=2), shape=Source(run=1)))
     opened.tab.get_by_text("and uses the shape of first").wait_for()
-    opened.tab.get_by_text("Re-run shape as first").wait_for()
+    opened.tab.get_by_text("Fit the shape again as first").wait_for()
     opened.choose("Same person as", "a file")
-    opened.tab.get_by_text("Path of the shape is empty").nth(1).wait_for()  # at the top, and beside its field
+    opened.tab.get_by_text("Path of the shape is empty").wait_for()
     path = tmp_path / "her.json"
     path.write_text(json.dumps({"betas": [0.5] * 10}))
     opened.field("Path of the shape").fill(str(path))
@@ -53,7 +53,7 @@ def test_a_camera_file_is_read_and_its_problems_are_told(opened: Reviewing, tmp_
     opened.panel("Fit")
     use = opened.tab.get_by_role("button", name="Use this camera")
     if not use.is_visible():
-        opened.tab.get_by_text("How it was filmed").click()
+        opened.tab.get_by_text("▸ Camera").click()
     opened.field("Camera file").fill(str(path))
     use.click()
     opened.tab.get_by_text("scene.json: does not exist").wait_for()

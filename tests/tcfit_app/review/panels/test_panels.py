@@ -105,7 +105,10 @@ def test_read_only_buttons_are_off(panel_server: viser.ViserServer, tmp_path: Pa
     with Project.open(tmp_path / "walk.tcfit", read_only=True) as project, lone_page(panel_server, project) as tested:
         tested.page.tab.set(selection=(4,))
         shown = tested.html()
-        editable = {name: not tested.field(name).disabled for name in ("w_T", "Held near (m)", "Note", "Name", "Frame")}
+        editable = {
+            name: not tested.field(name).disabled
+            for name in ("Smoothness (w_T)", "Held near (m)", "Note", "Name", "Frame")
+        }
         assert editable == dict.fromkeys(editable, False) | {"Frame": True}
         assert lasting(tested.page.tab)[0].text == "Read-only: nothing can be changed"
     assert re.search(

@@ -146,7 +146,7 @@ def test_an_emptied_number_field_gets_its_value_back(opened: Reviewing, keys: li
 
 def test_a_number_of_the_fit_panel_is_taken_as_it_is_typed(opened: Reviewing):
     opened.tab.get_by_role("tab", name="Fit").click()
-    field = opened.tab.get_by_label("w_T", exact=True)
+    field = opened.tab.get_by_label("Smoothness (w_T)", exact=True)
     field.press("Control+a")
     opened.tab.keyboard.type("1e3")
     until(lambda: opened.page.tab.state.settings.config.temporal.weight == 1000)
@@ -161,7 +161,9 @@ def test_a_number_of_the_fit_panel_is_taken_as_it_is_typed(opened: Reviewing):
 
 def test_what_is_changed_moves_no_field(opened: Reviewing):
     opened.tab.get_by_role("tab", name="Fit", exact=True).click()
-    weight, window = (opened.tab.locator(f"input[aria-label='{name}']") for name in ("w_T", "Window"))
+    weight, window = (
+        opened.tab.locator(f"input[aria-label='{name}']") for name in ("Smoothness (w_T)", "Frames for body shape")
+    )
     before = window.bounding_box()
 
     def settings() -> FitSettings:

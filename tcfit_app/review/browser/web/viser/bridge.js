@@ -36,7 +36,7 @@ button:has(svg[class*="tabler-icon-adjustments"]) { display: none !important; }
 button[aria-label="Commands"] { width: auto !important; padding: 0 5px; color: var(--tcfit-text) !important; }
 [role=tab][aria-selected=true], [role=tab][aria-selected=true] * { color: var(--tcfit-accent) !important; }
 button[aria-label="Commands"]::after { content: "Commands"; margin-left: 5px; font-size: 13px; }
-${FIELD_LABEL} { width: 84px !important; padding-right: 4px; }
+${FIELD_LABEL} { width: 112px !important; padding-right: 4px; }
 ${FIELD_LABEL} > p { font-size: 13px !important; letter-spacing: 0 !important; }
 :is(${TEXT_INPUT}, ${NUMBER_INPUT}, ${DROPDOWN_INPUT}) { font-size: 13px !important; letter-spacing: 0 !important; }
 :is(${TEXT_INPUT}, ${NUMBER_INPUT}, ${DROPDOWN_INPUT}):disabled { opacity: 0.45 !important; }
