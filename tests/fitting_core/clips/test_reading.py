@@ -311,8 +311,7 @@ def test_broken_parts_are_named(tmp_path, video, walk, broken):
 
 
 REAL = [
-    ("balancing/cam03", 100, (1088, 1920), 60.0),
-    ("balancing/cam04", 100, (1088, 1920), 60.0),
+    pytest.param("balancing/cam03", 100, (1088, 1920), 60.0, marks=pytest.mark.thorough),
     ("signs/gebaerden", 149, (640, 480), 25.0),
     ("signs/psychologie", 157, (640, 480), 25.0),
 ]

@@ -78,6 +78,7 @@ def test_a_hand_has_its_shape_in_every_preset(clip: Clip, params: BodyParams, pr
     assert torch.equal(found.left_hand_pose[[0, 8]], params.left_hand_pose[[0, 8]])
 
 
+@pytest.mark.thorough
 def test_a_whole_fit_has_it_and_wrists_stay_where_they_are_seen(clip: Clip):
     before = fit_clip(clip, shipped_body(), PRESETS["tcfit"]).last.params
     after = fit_clip(with_shape(clip, "horns", "right"), shipped_body(), PRESETS["tcfit"]).last.params

@@ -159,7 +159,7 @@ def test_spans_in_words(frames, words):
     assert spans(frames) == words
 
 
-@pytest.mark.parametrize("camera", ["cam03", "cam04"])
+@pytest.mark.parametrize("camera", ["cam03", pytest.param("cam04", marks=pytest.mark.thorough)])
 def test_the_man_on_the_treadmill_is_followed_through_his_jumps(shared_data, camera):
     detections = read_detections(shared_data / "balancing" / camera / "keypoints")
     assert choose_person(detections).entries == (0,) * 100

@@ -63,6 +63,7 @@ def test_nothing_where_nothing_is_told(tmp_path: Path, content: bytes):
     assert focal_35mm(path) is None
 
 
+@pytest.mark.thorough
 def test_a_photograph_of_a_200_megapixel_phone(tmp_path: Path):
     path = tmp_path / "one.jpg"
     path.write_bytes(jpeg(tiff("<", [(0xA405, 3, 26)]), size=(16320, 12240)) + bytes(7_000_000))

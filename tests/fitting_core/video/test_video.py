@@ -439,8 +439,11 @@ def test_a_title_that_is_not_utf8(write_video):
     "file, count, size, rate",
     [
         ("signs/gebaerden/video.mp4", 149, (640, 480), 25.0),
-        ("balancing/cam03/video.mp4", 100, (1088, 1920), 60.0),
-        ("opencap/walk_ts/video.mp4", 89, (720, 1280), pytest.approx(59.346, abs=1e-3)),  # cut without encoding again
+        pytest.param("balancing/cam03/video.mp4", 100, (1088, 1920), 60.0, marks=pytest.mark.thorough),
+        # cut without encoding again
+        pytest.param(
+            "opencap/walk_ts/video.mp4", 89, (720, 1280), pytest.approx(59.346, abs=1e-3), marks=pytest.mark.thorough
+        ),
     ],
 )
 def test_real_videos_at_random_as_in_sequence(shared_data, file, count, size, rate):

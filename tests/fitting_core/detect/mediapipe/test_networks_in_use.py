@@ -111,8 +111,8 @@ def test_a_second_look_finds_the_hand_in_a_rectangle(source: FrameSource, found:
     assert (again[LEFT_HAND, 2] > 0.3).all() and not np.delete(again[:, 2], np.r_[LEFT_HAND]).any()
     assert np.median(np.linalg.norm(again[LEFT_HAND, :2] - hand, axis=1)) < 6
     told: list[int] = []
-    without = look_again(source, [frame, frame], part="left_hand", near=near[[frame, frame]], tell=told.append)
-    assert (without[:, LEFT_HAND, 2] > 0.1).all() and told == [1, 2]
+    without = look_again(source, [frame], part="left_hand", near=near[[frame]], tell=told.append)
+    assert (without[:, LEFT_HAND, 2] > 0.1).all() and told == [1]
 
 
 NOISE = np.random.default_rng(0).integers(0, 256, (240, 320, 3)).astype(np.uint8)

@@ -66,14 +66,13 @@ def test_without_numba_everything_stays_in_torch():
     run(WITHOUT_NUMBA)
 
 
-def test_another_folder(tmp_path: Path):
-    run(ELSEWHERE, str(tmp_path / "kernels"), TCFIT_KERNELS=str(tmp_path / "kernels"))
-
-
 @pytest.mark.thorough
-def test_a_folder_that_cannot_be_made(tmp_path: Path):
-    (tmp_path / "file").touch()
-    run(ELSEWHERE, str(tmp_path / "file"), TCFIT_KERNELS=str(tmp_path / "file" / "kernels"))
+@pytest.mark.parametrize("possible", [True, False])
+def test_another_folder(tmp_path: Path, possible: bool):
+    """Also one that cannot be made."""
+    folder = tmp_path / "folder"
+    folder.mkdir() if possible else folder.touch()
+    run(ELSEWHERE, str(folder), TCFIT_KERNELS=str(folder / "kernels"))
 
 
 def test_a_folder_that_may_only_be_read_is_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

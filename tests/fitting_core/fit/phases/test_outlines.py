@@ -54,7 +54,7 @@ def found(body: BodyModel, truth: BodyParams, silhouettes: Silhouettes) -> Outli
     return outlined_shape(stages, stages.all_frames, start)
 
 
-@pytest.mark.parametrize("clothes", [0.0, 0.015])
+@pytest.mark.parametrize("clothes", [pytest.param(0.0, marks=pytest.mark.thorough), 0.015])
 def test_the_volume_and_the_clothes_are_found(free_body: BodyModel, clothes: float):
     truth = standing()
     shape = found(free_body, truth, silhouettes_of(free_body, truth, clothes))

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from fitting_core.detections import guess_scale, to_pixels
+from fitting_core.detections import to_pixels
 from fitting_core.errors import InputError
 from fitting_core.frame_alignment import timeline_of_keypoints
 from fitting_core.io import read_detections
@@ -277,23 +277,3 @@ def test_a_failed_write_keeps_the_old_file(tmp_path, figure, monkeypatch):
         write_openpose(tmp_path, clip, name="walk")
     assert file.read_text() == before
     assert list(tmp_path.iterdir()) == [file]
-
-
-@pytest.mark.parametrize(
-    "folder, frames, parts",
-    [
-        ("balancing/cam03/keypoints", 100, [BODY]),
-        ("signs/gebaerden/keypoints", 149, [BODY, LEFT_HAND, RIGHT_HAND, FACE]),
-        ("signs/psychologie/keypoints_body_only", 157, [BODY]),
-        ("openpose_sequences/openpose", 93, [BODY, LEFT_HAND, RIGHT_HAND, FACE]),
-        ("openpose_sequences/example", 66, [BODY, RIGHT_HAND, FACE]),
-    ],
-)
-def test_real_files(shared_data, folder, frames, parts):
-    detections = read_detections(shared_data / folder)
-    assert detections.numbers == tuple(range(frames))
-    assert guess_scale(detections.detected_points()) == "pixels"
-    confidence = np.stack([people[0, :, 2] for people in detections.frames])
-    assert confidence.min() >= 0 and confidence.max() <= 1
-    detected = [part for part in (BODY, LEFT_HAND, RIGHT_HAND, FACE) if confidence[:, part].any()]
-    assert detected == parts
