@@ -10,7 +10,7 @@ import re
 import types
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import cache, reduce
+from functools import cache, lru_cache, reduce
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -145,6 +145,26 @@ def _field_docs() -> dict[str, dict[str, str]]:
 def value_of(config: FitConfig, name: str) -> Any:
     """The value of the setting with this dotted name."""
     return reduce(getattr, name.split("."), config)
+
+
+_NEED_FRAMES = (
+    *("temporal.weight", "temporal.mode", "temporal.window_size", "temporal.space"),
+    *("shape_sample.size", "shape_sample.strategy", "shape_sample.seed"),
+)
+"""Settings that make no difference to a clip of one frame."""
+
+
+@lru_cache(256)
+def without_effect(config: FitConfig, frames: int) -> frozenset[str]:
+    """Dotted names of the settings that change nothing in a clip of that many frames, because of other settings."""
+    found = {*_NEED_FRAMES} if frames == 1 else set()
+    if config.temporal.weight == 0:
+        found |= {"temporal.mode", "temporal.window_size", "temporal.space"}
+    if config.temporal.mode == "global":
+        found.add("temporal.window_size")
+    if config.shape_sample.strategy != "random":
+        found.add("shape_sample.seed")
+    return frozenset(found)
 
 
 def changed(config: FitConfig, values: Mapping[str, Any], *, origin: str, texts: bool = False) -> FitConfig:

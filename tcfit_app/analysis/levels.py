@@ -51,10 +51,10 @@ def _contacts(fit: PosedFit) -> Float[np.ndarray, "T 2"]:
 
 LEVELS: dict[str, LevelKind] = {
     "hand_phases": LevelKind(
-        title="Hand phases, B", parts=tuple(f"{side} hand" for side in SIDES), words=_PHASES, values=_hand_phases
+        title="Hand phases", parts=tuple(f"{side} hand" for side in SIDES), words=_PHASES, values=_hand_phases
     ),
     "contacts": LevelKind(
-        title="Feet on the floor, B",
+        title="Feet on the floor",
         parts=tuple(f"{side} foot" for side in SIDES),
         words=("in the air", "seems to stand, but slides", "stands"),
         values=_contacts,

@@ -130,7 +130,7 @@ class EditFollower:
             return f"{shown.run.name} was imported"
         if shown.run.state == "running":
             return f"{shown.run.name} is still being fitted"
-        return f"B shows {shown.title}, but only the last phase of a whole fit follows edits"
+        return f"only the final pass of a fit follows edits, and this is {shown.title}"
 
     def begin_drag(
         self, shown: Shown, frame: int, joints: tuple[int, ...], target: Target, *, in_depth: bool = False
@@ -377,7 +377,6 @@ class EditFollower:
                     kind="corrections",
                     parent=base.id,
                     given=base.given,
-                    name=f"{base.name} corrected",
                     change=change,
                 )
             self._fits.advance(now, {base.id: frames.put_into(fit)})

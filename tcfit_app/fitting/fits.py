@@ -29,15 +29,13 @@ KEPT_EVERY = 20.0
 """Seconds between two times that phase 1 of a running fit is stored so far."""
 IN_USE = 5.0
 """Seconds after its last request until a result counts as no longer on show."""
-SHORT_TITLES = {1: "per frame", 2: "shared shape", 3: "temporal"}
-"""Titles of the phases, for any run."""
+PASSES = {1: "first pass", 2: "one shape", 3: "final"}
+"""What users call the phases, where two of them are compared."""
 
 
-def phase_title(run: Run, phase: int) -> str:
-    """Title of a run's phase, on buttons and legends and in file names."""
-    return (
-        "SMPLify-X" if phase == 1 and run.kind != "imported" and fits_as_smplifyx(run.config) else SHORT_TITLES[phase]
-    )
+def pass_of(run: Run, phase: int) -> str:
+    """What users call a run's phase."""
+    return "SMPLify-X" if phase == 1 and fits_as_smplifyx(run.config) else PASSES[phase]
 
 
 _OWN: dict[str, tuple[int, ...]] = {"frames": (3,), "shape": (2, 3), "corrections": (), "imported": ()}
@@ -46,7 +44,7 @@ _OWN: dict[str, tuple[int, ...]] = {"frames": (3,), "shape": (2, 3), "correction
 def own_phases(run: Run) -> tuple[int, ...]:
     """Phases that a run computed itself, with its own times; the others are its parent's. Corrections are patches of
     their parent's phase 3."""
-    return _OWN.get(run.kind, tuple(SHORT_TITLES))
+    return _OWN.get(run.kind, tuple(PASSES))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +73,8 @@ class Shown:
     """The camera it was fitted with: its focal length may differ from the clip's."""
     there: Bool[np.ndarray, "T"] | None = field(compare=False)
     """Frames with a body; None: all. The revision changes with it."""
+    last: bool = True
+    """Whether it is the last phase that the run has so far."""
 
     @property
     def version(self) -> tuple[int, int, int]:
@@ -87,9 +87,13 @@ class Shown:
 
     @property
     def title(self) -> str:
-        """For users."""
-        name = self.run.name
-        return name if self.run.kind == "imported" else f"{name} · {phase_title(self.run, self.phase)}"
+        """For users: the run's name, with the pass unless it is the last one."""
+        return self.run.name if self.last else self.title_with_pass
+
+    @property
+    def title_with_pass(self) -> str:
+        """Where two passes of one run are compared."""
+        return self.run.name if self.run.kind == "imported" else f"{self.run.name} · {pass_of(self.run, self.phase)}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -234,9 +238,9 @@ class Fits:
         """The result of a run. Raises InputError if it cannot be read, or no phase is finished."""
         fit = self._version(run).fit
         if fit is None and run.state == "running":
-            raise InputError(f"{run.name} is in phase 1: wait until that has finished.")
+            raise InputError(f"{run.name} is in its first pass: wait until that has finished.")
         if fit is None:
-            raise InputError(f"{run.name} ended in phase 1. Continue it in the panel Runs, or choose another run.")
+            raise InputError(f"{run.name} was stopped in its first pass. Continue it in Fit, or choose another fit.")
         return fit
 
     def standing(self, choice: FitChoice) -> FitChoice:
@@ -253,6 +257,17 @@ class Fits:
         runs = [run for run in self.showable() if number in (None, run.id)]
         whole = [run for run in runs if not run.partial]
         return newest(whole or runs) if runs else None
+
+    def before(self, run: Run | None) -> FitChoice:
+        """What a run is compared with by default: the one that it started from, or the last one before a whole fit;
+        otherwise its own first pass."""
+        earlier = [one for one in self.showable() if run is not None and one.id < run.id]
+        found = [one for one in earlier if run is not None and one.id == run.parent]
+        if run is not None and not found and run.kind in ("fit", "imported"):
+            found = [one for one in earlier if one.kind != "imported"]
+        if found:
+            return FitChoice(run=found[-1].id)
+        return FitChoice(run=None if run is None else run.id, phase=1)
 
     def held(self, run: Run) -> bool:
         """Whether a run's result is in memory, so that no access waits for the disk."""
@@ -279,6 +294,7 @@ class Fits:
             revision=version.revision,
             camera=version.camera,
             there=last.there if isinstance(last, _Partial) else _told(run, version.fit),
+            last=last is phases[-1],
         )
 
     def _version(self, run: Run) -> _Version:

@@ -130,7 +130,7 @@ def _betas(run: Run, fit: FitResult, body: BodyModel) -> Float[np.ndarray, "10"]
             "shape. Choose that body model for this fit too, or another run."
         )
     if run.kind != "imported" and fit.last.phase < 2:
-        raise InputError(f"{run.name} has no shape for the whole clip yet: wait for phase 2.")
+        raise InputError(f"{run.name} has no shape for the whole clip yet: wait until its first pass has finished.")
     known = fit.observed.any(1) if run.kind == "imported" else np.ones(len(fit.observed), bool)
     betas = np.median(fit.last.params.betas.double().numpy()[known], axis=0) if known.any() else np.zeros(1)
     if not betas.any():

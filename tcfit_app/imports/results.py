@@ -1,5 +1,6 @@
 """Other programs' results as runs of a project: read, converted to its camera space, and stored for comparison."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,14 +73,16 @@ def import_run(
         bodies: The source of body models.
         path: What `fitting_core.io.read_motion` reads.
         choices: None: everything as in the files.
-        name: Of the run; by default from the file or folder.
+        name: Of the run; by default the program and the file or folder.
         source: Its origin, for users; by default the path.
         goes_on: Called before anything is written; raises to cancel.
     """
+    shown = name_of_file(source) if source else _name(path.resolve())
     source = name_of_file(source) if source else str(path)
     fit, body, placed = imported_fit(path, project.clip, bodies, choices or ImportChoices(), source=source)
     goes_on()
-    name, seen = name or name_of_file(_name(path.resolve())), project.last_edit
+    program = re.sub(r" (results?|npz)$", "", fit.pose_prior)
+    name, seen = name or name_of_file(f"{program}: {Path(shown).stem}"), project.last_edit
     summary = {"source": source, "format": fit.pose_prior, "placed": placed}
     return project.runs.start(
         fit.config, fit=fit, body=record_of(body), edits_seen=seen, summary=summary, kind="imported", name=name

@@ -91,7 +91,7 @@ class Project:
         stored, link = read_clip(folder, store)
         self.media: Media = media.find(link, folder)
         """Where the video or images were found on opening, and what is wrong with them."""
-        self.runs = Runs(folder, store, len(stored), lambda: self.standing)
+        self.runs = Runs(folder, store, len(stored), stored.first_frame, lambda: self.standing)
         self.marks = MarkStore(
             store, len(stored), self._marks_done, lambda action, author: self.append(action, author=author)
         )

@@ -51,7 +51,7 @@ def test_examples_of_the_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_panel_of_one_s_own(tmp_path: Path, panel_server: viser.ViserServer, monkeypatch: pytest.MonkeyPatch):
-    sample_project(tmp_path / "walk.tcfit", "Run 1").close()
+    sample_project(tmp_path / "walk.tcfit", "Fit 1").close()
     shown: list[str] = []
 
     def review(project, options) -> None:
@@ -69,4 +69,4 @@ def test_a_panel_of_one_s_own(tmp_path: Path, panel_server: viser.ViserServer, m
     monkeypatch.setattr(review_command, "review", review)
     run("own_panel", [str(tmp_path / "walk.tcfit")], monkeypatch)
     fastest = shown[0].split("fastest in frame ")[1].split("<")[0]
-    assert "Run 1" in shown[0] and shown[1] == f"now in frame {fastest}"
+    assert "Fit 1" in shown[0] and shown[1] == f"now in frame {fastest}"

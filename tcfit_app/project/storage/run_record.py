@@ -1,5 +1,6 @@
 """The record of a run without its result, and without torch."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -56,6 +57,7 @@ class Run:
 
     id: int
     name: str
+    """As users see it: see `run_names`."""
     kind: RunKind
     state: RunState
     config: FitConfig
@@ -84,11 +86,16 @@ class Run:
     """It ended in phase 1, and the frames fitted until then are stored: see `Runs.load_partial`."""
     emptied: bool = False
     """It has corrections, and all were undone: it is listed again once one is redone."""
+    corrections: int = 0
+    """How many it has now; 0 also if that is unknown, because the oldest can no longer be undone."""
+    own_name: str = ""
+    """The user's, if any."""
 
-    @property
-    def option(self) -> str:
-        """The run as an option of a list; names may repeat, numbers do not."""
-        return f"{self.id} · {self.name}"
+
+def by_name(runs: Sequence[Run]) -> dict[str, Run]:
+    """Runs by names for a list of options, in the same order: those of the same name get their number."""
+    count = Counter(run.name for run in runs)
+    return {run.name if count[run.name] == 1 else f"{run.name} (#{run.id})": run for run in runs}
 
 
 def newest(runs: Sequence[Run]) -> Run:
@@ -98,9 +105,10 @@ def newest(runs: Sequence[Run]) -> Run:
 
 
 def named(runs: Sequence[Run], name: str) -> Run:
-    """The run that a user refers to by name or by number ("3" or "#3"). Raises InputError if it is missing, or several
-    have this name."""
-    found = [run for run in runs if name == run.name] or [run for run in runs if name.lstrip("#") == str(run.id)]
+    """The run that a user refers to by name or by number ("3", "#3" or "Run 3"). Raises InputError if it is missing, or
+    several have this name."""
+    number = name.removeprefix("Run ").lstrip("#")
+    found = [run for run in runs if name == run.name] or [run for run in runs if number == str(run.id)]
     if len(found) == 1:
         return found[0]
     known = ", ".join(f"{run.name!r} (#{run.id})" for run in runs) or "none"

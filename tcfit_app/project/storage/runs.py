@@ -31,6 +31,7 @@ from tcfit_app.project.storage.columns import Columns, Count, json_of, line, of,
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.names import checked_name
 from tcfit_app.project.storage.run_files import read_run, write_run
+from tcfit_app.project.storage.run_names import with_names
 from tcfit_app.project.storage.run_record import LAST_MOMENT, BodyRecord, Ended, Given, Run, RunKind, RunState, largest
 
 ENTRY = r"runs/\d{6,}(/\d{6,})?\.npz"
@@ -52,11 +53,13 @@ class Runs:
         folder: the project's.
         database: the project's.
         frames: number of frames in the clip.
+        first_frame: the number that users see for frame 0.
         log: the project's.
     """
 
-    def __init__(self, folder: Path, database: Database, frames: int, log: Log) -> None:
-        self._folder, self._database, self._frames, self._log = folder / _FOLDER, database, frames, log
+    def __init__(self, folder: Path, database: Database, frames: int, first_frame: int, log: Log) -> None:
+        self._folder, self._database, self._log = folder / _FOLDER, database, log
+        self._frames, self._first_frame = frames, first_frame
         self._changes: dict[int, Changes] = {}
         self._versions = count(1)
         self.version = 0
@@ -119,7 +122,7 @@ class Runs:
             parent: The run it starts from.
             given: What it is given besides the clip.
             frames: The frames to refit; None for all.
-            name: By default from its number.
+            name: The user's; by default what it is, see `run_names`.
             fit: Its result, if it has finished.
             summary: See `finish`.
             change: Adds the first change, to a run of corrections.
@@ -169,8 +172,6 @@ class Runs:
         ).lastrowid
         assert number is not None
         self._remove_files(number)  # a killed process may have left changes of a run of this number
-        if not row["name"]:
-            connection.execute("UPDATE runs SET name = ? WHERE id = ?", (f"Run {number}", number))
         return number
 
     def _check_refusal(self) -> None:
@@ -316,14 +317,11 @@ class Runs:
             deleted: The deleted ones.
             at: The log entry after which corrections are as they are shown; None: the last one.
         """
-        state = "NOT NULL" if deleted else "NULL"
-        rows = self._database.rows(f"SELECT * FROM runs WHERE deleted IS {state} ORDER BY id")
-        return [run for row in rows if (run := self._run(row, at)) is not None and not run.emptied]
+        return [run for run in self._all(at) if run.deleted == deleted and not run.emptied]
 
     def get(self, run: int) -> Run:
         """A run by its number, deleted or not. Raises InputError if it is missing."""
-        rows = self._database.rows("SELECT * FROM runs WHERE id = ?", run)
-        found = self._run(rows[0]) if rows else None
+        found = next((one for one in self._all() if one.id == run), None)
         if found is None:
             raise InputError(f"There is no run {run}; it may have been deleted. Choose a listed one.")
         return found
@@ -331,8 +329,12 @@ class Runs:
     def corrections(self, at: int | None = None) -> list[Run]:
         """The runs of corrections that are not deleted, oldest first, with those that were all undone; `at` as in
         `all`."""
-        rows = self._database.rows("SELECT * FROM runs WHERE deleted IS NULL AND kind = 'corrections' ORDER BY id")
-        return [run for row in rows if (run := self._run(row, at)) is not None]
+        return [run for run in self._all(at) if run.kind == "corrections" and not run.deleted]
+
+    def _all(self, at: int | None = None) -> list[Run]:
+        rows = self._database.rows("SELECT * FROM runs ORDER BY id")
+        found = [run for row in rows if (run := self._run(row, at)) is not None]
+        return with_names(found, self._first_frame, self._frames)
 
     def load(self, run: int, at: int | None = None) -> FitResult:
         """A run's result, with all phases it finished. Raises InputError if there is no such run, or it has no result.
@@ -376,8 +378,13 @@ class Runs:
         if run is None or run.kind != "corrections":
             return run
         changes = self.changes(run.id)
-        emptied = bool(changes) and not changes.standing(at) and "merged" not in run.summary
-        return replace(run, edits_seen=changes.edits_seen(run.edits_seen, at), emptied=emptied)
+        merged, standing = "merged" in run.summary, changes.standing(at)
+        return replace(
+            run,
+            edits_seen=changes.edits_seen(run.edits_seen, at),
+            emptied=bool(changes) and not standing and not merged,
+            corrections=0 if merged else len({edit for c in standing for edit, on in c.about.edits.items() if on}),
+        )
 
     def _of_row(self, row: Columns) -> Run:
         number = row.read("id", of(Count))
@@ -385,7 +392,7 @@ class Runs:
         state, stored = row.read("state", of(RunState)), self._path(number).is_file()
         return Run(
             id=number,
-            name=row.read("name", line),
+            name=row.read("name", lambda name: name and line(name)),
             kind=row.read("kind", of(RunKind)),
             state=state,
             config=row.read("config", _config),

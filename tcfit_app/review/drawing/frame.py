@@ -135,7 +135,11 @@ class Frames:
             room=room and tab.once("room", (room, camera, frame), lambda: room.before(camera, frame)),
             side=self._side(shown.held.camera, frame) if beside and shown.held is not None else None,
             arrangement=tab.arrangement,
-            labels=tuple(_label(shown, side, present) for place in shown.places for side in place or (None,)),
+            labels=tuple(
+                _label(shown, side, present, lettered=state.comparing)
+                for place in shown.places
+                for side in place or (None,)
+            ),
             rings=self._rings(shown) if state.mode == "space" and state.bodies and bodies else None,
         )
 
@@ -245,7 +249,7 @@ class Frames:
         return Other(someone=someone, body=body, layer=layer)
 
 
-def _label(shown: OnShow, side: Slot | None, present: Present) -> tuple[str, Color | None]:
+def _label(shown: OnShow, side: Slot | None, present: Present, *, lettered: bool) -> tuple[str, Color | None]:
     """Name and colour of a fit; of the video for no side."""
     if side is None:
         return "Video", None
@@ -253,7 +257,7 @@ def _label(shown: OnShow, side: Slot | None, present: Present) -> tuple[str, Col
     if fit is None:
         title = "no fit yet"
     elif not fit.has(shown.frame):
-        title = f"{fit.title}: {'not fitted yet' if fit.result is None else 'no pose in this frame'}"
+        title = f"{shown.title(side)}: {'not fitted yet' if fit.result is None else 'no pose in this frame'}"
     else:
-        title = fit.title if present is None or present.any() else f"{fit.title}: no keypoints here"
-    return f"{side.upper()}   {title}", SLOT_COLORS[side]
+        title = shown.title(side) + ("" if present is None or present.any() else ": no keypoints here")
+    return f"{side.upper()}   {title}" if lettered else title, SLOT_COLORS[side]

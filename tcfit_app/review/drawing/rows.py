@@ -23,7 +23,7 @@ _NO_FIT = "Curves appear here once there is a fit."
 _MEASURING = "Measuring …"
 _NOTHING = "There is nothing to measure in this clip."
 _SAME = "A and B are the same fit."
-_MISSING = "This row compares two fits: choose A and B."
+_MISSING = "This row compares two fits: choose Compare (2)."
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,6 +14,7 @@ from tcfit_app.project.edits.edit_log import Note
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.page_states import FitSpan, spans
 from tcfit_app.review.drawing.rows import CHOICES, Rows, with_plot
+from tcfit_app.review.tab.on_show import SLOTS
 from tcfit_app.review.tab.tab import Tab
 
 _MIXED_UP = 3.0
@@ -99,9 +100,8 @@ class Timeline:
 
     def _draw_provenance(self) -> None:
         tab = self._tab
-        fits = (tab.shown.a, tab.shown.b)
-        shown = {fit.version: fit for fit in fits if fit is not None}
-        known = {(f.title, key): f.result.provenance for key, f in shown.items() if f.result is not None}
+        fits = {fit.version: (tab.shown.title(side), fit) for side in SLOTS if (fit := tab.shown.fit(side)) is not None}
+        known = {(title, key): f.result.provenance for key, (title, f) in fits.items() if f.result is not None}
         found = tab.once(
             "provenance",
             tuple(known),

@@ -1,5 +1,6 @@
 """Exports of what is on show, as downloads of one browser tab."""
 
+import re
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -7,7 +8,7 @@ from fitting_core.errors import InputError
 from tcfit_app.exports.exporting import content_of, file_name
 from tcfit_app.exports.source import ExportedFit, ExportSource
 from tcfit_app.exports.table import VIEW_CHOICES, Export, exports
-from tcfit_app.fitting.fits import FitChoice, Shown, phase_title
+from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.frame_words import numbers
 from tcfit_app.project.storage.run_record import newest
@@ -60,11 +61,21 @@ class Exporting:
 
     @property
     def fits(self) -> dict[Slot, Shown]:
-        """The finished fits A and B; instead of a B that is still being fitted, the newest finished one."""
-        session, found = self._tab.session, _finished(self._tab.shown)
+        """The finished fits on show; instead of one that is still being fitted, the newest finished one."""
+        return self._done(self._tab.shown)
+
+    def _done(self, shown: OnShow) -> dict[Slot, Shown]:
+        session, found = self._tab.session, _finished(shown)
         done = [] if "b" in found else [run for run in session.fits.showable() if run.state == "finished"]
         last = session.stored.show(FitChoice(run=newest(done).id)) if done else None
         return found if last is None else {**found, "b": last}
+
+    def _of(self, export: Export) -> dict[Slot, Shown]:
+        """The fits that a format needs: their bodies may be missing."""
+        if export.needs == "keypoints":
+            return {}
+        tab = self._tab
+        return self._done(on_show(replace(tab.state, mode="ab"), tab.session)) if export.both else self.fits
 
     @property
     def compared(self) -> bool:
@@ -114,25 +125,24 @@ class Exporting:
             self._tab.say(f"{made.title}: downloaded")
 
     def _parts(self, export: Export) -> list[str]:
-        """What tells apart file names of other runs, phases and frames; nothing for the newest run's last phase (or the
-        default A and B) of the whole clip."""
+        """What tells apart file names of other fits and frames; nothing for the newest fit (or the two that Compare
+        begins with) and the whole clip."""
         if export.group == "Project":
             return []
         tab, frames = self._tab, self.frames
-        known = {} if export.needs == "keypoints" else {side: _short(fit) for side, fit in self.fits.items()}
+        known = {side: _short(fit) for side, fit in self._of(export).items()}
         shown = [name for side, name in known.items() if export.both or side == self.side]
-        at_first = _finished(on_show(TabState(), tab.session))
+        at_first = _finished(on_show(TabState(mode="ab"), tab.session))
         usual = [_short(fit) for side, fit in at_first.items() if export.both or side == "b"]
         part = [] if frames is None else [numbers(frames, tab.first_frame).replace("–", "-")]
         return [*(shown if shown != usual else []), *part]
 
     def source(self, export: Export) -> ExportSource:
-        """What to export, with fits only where they are needed: their bodies may be missing."""
+        """What to export, with its fits."""
         tab, session, project = self._tab, self._tab.session, self._tab.session.project
-        shown = {} if export.needs == "keypoints" else self.fits
         fits = {
             side: ExportedFit(shown=fit, fit=session.fits.fit(fit.run), meshes=tab.data.meshes(fit))
-            for side, fit in shown.items()
+            for side, fit in self._of(export).items()
         }
         return ExportSource(
             name=project.footage.name,
@@ -150,6 +160,5 @@ def _finished(shown: OnShow) -> dict[Slot, Shown]:
 
 
 def _short(shown: Shown) -> str:
-    """A run and phase for a file name: "run2-temporal"."""
-    run = f"run{shown.run.id}"
-    return run if shown.run.kind == "imported" else f"{run}-{phase_title(shown.run, shown.phase).replace(' ', '-')}"
+    """A fit for a file name: "fit2", "frames-60-100-smoother-w_T-1000"."""
+    return re.sub(r"[^\w.]+", "-", shown.title.replace("Fit ", "fit").replace("Frame", "frame")).strip("-")

@@ -115,7 +115,8 @@ class Fitting:
     def _show_beside(self, before: Shown | None, b: FitChoice) -> None:
         """Show the new run as B and the previous B as A, so that the change is visible."""
         tab = self._tab
-        other = None if tab.state.a.run is None else tab.session.fits.run(tab.state.a.run)
+        compared = tab.state.a
+        other = None if compared is None or compared.run is None else tab.session.fits.run(compared.run)
         # An imported run is what everything is compared with.
         if before is None or (other is not None and other.kind == "imported"):
             tab.set(b=b)

@@ -36,7 +36,7 @@ from tcfit_app.review.tab.on_show import SLOT_COLORS
 from tcfit_app.review.tab.tab import Tab
 
 _MEASURING = "Measuring …"
-_NO_FIT = "This panel compares two fits. Make one in the panel Fit first."
+_NO_FIT = "Nothing is compared: choose Compare (2)."
 _BETTER = "better in green"
 _SAME = "A and B are the same fit: choose another in the panel View or Runs."
 

@@ -61,7 +61,7 @@ class ExportPanel:
         """Which of two fits, and which frames; nothing where there is no choice."""
         exporting, wishes, shown = self._exporting, self._exporting.wishes, []
         if exporting.compared:
-            fits = {side: fit.title for side, fit in exporting.fits.items()}
+            fits = {side: fit.title_with_pass for side, fit in exporting.fits.items()}
             take, pressed = (lambda side: exporting.wish(side=side)), (lambda side: side == exporting.side)
             shown += choices("export.side", fits, take, pressed, kind="tall")
         elif (fit := exporting.fits.get("b")) is None:

@@ -7,7 +7,7 @@ from typing import ClassVar
 import viser
 
 from fitting_core.errors import InputError
-from tcfit_app.fitting.fits import SHORT_TITLES, FitChoice, Shown, phase_title
+from tcfit_app.fitting.fits import PASSES, FitChoice, Shown, pass_of
 from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, key_text
 from tcfit_app.review.gestures.zooming import show_close_up
@@ -183,7 +183,9 @@ class RunsShown:
         return next(name for name, number in self._numbers.items() if number == run)
 
     def _choice(self, side: Slot) -> FitChoice:
-        return self._tab.session.fits.standing(getattr(self._tab.state, side))
+        tab, b = self._tab, self._tab.shown.b
+        choice = tab.state.b if side == "b" else tab.state.a or tab.session.fits.before(b and b.run)
+        return tab.session.fits.standing(choice)
 
     def draw(self) -> None:
         """Update from the tab's state."""
@@ -212,7 +214,7 @@ class RunsShown:
         now = self._choice(side)
         run = self._tab.session.fits.meant(now)
         there = self._phases_of(run)
-        titles = {p: SHORT_TITLES[p] if run is None else phase_title(run, p) for p in SHORT_TITLES}
+        titles = {p: PASSES[p] if run is None else pass_of(run, p) for p in PASSES}
         buttons = choices(
             f"runs.phase_{side}",
             {**titles, None: "last"},

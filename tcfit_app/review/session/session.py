@@ -317,11 +317,7 @@ class Session:
             sent_as: Its name in the browser, if it was uploaded.
         """
         self.project.refuse_read_only()
-        name = name_of_file(sent_as) if sent_as else ""
-        run = import_run(
-            self.project, self.bodies, path, choices, name=name, source=sent_as, goes_on=lambda: report("", None)
-        )
-        return run
+        return import_run(self.project, self.bodies, path, choices, source=sent_as, goes_on=lambda: report("", None))
 
     def import_upload(self, name: str, content: bytes, choices: ImportChoices, report: Step) -> Run:
         """The same for an uploaded file. Raises InputError as `import_run`."""
@@ -334,8 +330,8 @@ class Session:
         start = self._start_of(shown)
         if start.last.phase < 2 and shown.run.state != "running":
             raise InputError(
-                f"{shown.run.name} ended after phase 1, in which each frame has its own shape. Fit "
-                "the shape again for all frames, then fit frames of that run."
+                f"{shown.run.name} ended after its first pass, in which each frame has its own shape. Fit "
+                "the shape again for all frames, then fit frames of that fit."
             )
         body = self.bodies.of(shown.run.body)
         job = RerunFrames(clip=self.clip_of(start.camera), body=body, config=config, start=start, windows=windows)
@@ -352,7 +348,7 @@ class Session:
         if shown.run.kind == "imported":
             raise InputError(
                 f"{shown.run.name} was imported: its frames and shape cannot be refitted. Choose it in "
-                "Start from in the panel Fit, or show another run as B."
+                "Start from in the panel Fit, or show another fit."
             )
         return self.fits.fit(shown.run)
 
@@ -390,7 +386,7 @@ class Session:
     def _finished(self, number: int) -> FitResult:
         run = self.project.runs.get(number)
         if run.state != "finished":
-            raise InputError(f"{run.name}, whose frames were to be refitted, did not finish: choose another run.")
+            raise InputError(f"{run.name}, whose frames were to be refitted, did not finish: choose another fit.")
         return self.fits.fit(run)
 
     def _enqueue(self, job: Job, run: int | None, *, follows: int | None = None) -> None:

@@ -20,13 +20,13 @@ SLOT_COLORS: dict[Slot, Color] = {"a": "beside", "b": "fit"}
 
 @dataclass(frozen=True, kw_only=True)
 class OnShow:
-    """The fits A and B, and where each of their bodies is drawn."""
+    """The fit on show and the one that it is compared with, and where each of their bodies is drawn."""
 
     frame: int
     a: Shown | None
-    """None: missing or unreadable."""
+    """The other fit while two are compared; None: missing or unreadable."""
     b: Shown | None
-    """The one that corrections apply to."""
+    """The fit on show, to which corrections apply; None as for A."""
     live_a: LiveWindow | None
     """The live result of a drag in the frames around this one for A, drawn instead of the stored one."""
     live_b: LiveWindow | None
@@ -41,6 +41,12 @@ class OnShow:
     def fit(self, side: Slot) -> Shown | None:
         """A or B."""
         return self.a if side == "a" else self.b
+
+    def title(self, side: Slot) -> str:
+        """The name of a fit that is there, for users."""
+        fit, other = (self.b, self.a) if side == "b" else (self.a, self.b)
+        assert fit is not None
+        return fit.title_with_pass if other is not None and other.run.id == fit.run.id else fit.title
 
     @property
     def held(self) -> Shown | None:
@@ -88,7 +94,9 @@ class OnShow:
 def on_show(state: TabState, session: Session) -> OnShow:
     """Resolve a tab's state."""
     problems: list[str] = []
-    a, b = (_read(session.stored, choice, problems) for choice in (state.a, state.b))
+    b = _read(session.stored, state.b, problems)
+    other = (state.a or session.fits.before(b and b.run)) if state.comparing else None
+    a = other and _read(session.stored, other, problems)
     clip = session.project.footage.camera
     there = [fit for fit in (b, a) if fit is not None]
     return OnShow(

@@ -84,10 +84,10 @@ class TabState:
 
     frame: int = 0
     mode: Mode = "edit"
-    a: FitChoice = field(default_factory=lambda: FitChoice(phase=1))
-    """Left in A | B; shown when blinking."""
+    a: FitChoice | None = None
+    """What the fit on show is compared with, left in Compare; None: the fit before it."""
     b: FitChoice = field(default_factory=FitChoice)
-    """Right in A | B; the one that is edited."""
+    """The fit on show, right in Compare; the one that is edited."""
     wipe: bool = False
     """A and B share a window in A | B, with a divider; otherwise each has its own, as large as possible."""
     clipped: bool = control(
@@ -153,6 +153,11 @@ class TabState:
     """The window of all keys is open."""
     dark: bool = True
     """The browser's theme."""
+
+    @property
+    def comparing(self) -> bool:
+        """Whether two fits are on show."""
+        return self.mode == "ab" or self.blinked or self.difference or (self.mode == "space" and self.ghost)
 
 
 CONTROLS: Mapping[str, Switch | Choice] = {

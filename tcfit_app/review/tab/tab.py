@@ -348,7 +348,7 @@ class Tab:
         self._shown = moved or self.look()
 
     def _go_over_to_corrections(self) -> None:
-        """If B is a run that this tab has corrected, switch to the run of its corrections; and back to the run itself
+        """If this tab has corrected the fit on show, switch to the run of its corrections; and back to the run itself
         once all of them are undone.
 
         This happens in the drawing in which a drag's live body ends, because the run itself still has the old body.
@@ -365,7 +365,7 @@ class Tab:
         shown = session.fits.meant(self.state.b)
         if shown is not None and shown.id == run.id != corrected.id:
             self.set(b=replace(self.state.b, run=corrected.id))
-            self.say(f"B shows {corrected.name}")
+            self.say(f"Now shows {corrected.name}")
 
 
 def remember(kept: dict[str, Any], name: str, value: object) -> None:

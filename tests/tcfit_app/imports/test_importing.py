@@ -164,7 +164,7 @@ def test_on_the_command_line(tmp_path: Path, free_body: BodyModel, capsys: pytes
     good = results(tmp_path / "smplifyx", free_body)
     assert main(["import", str(folder), str(good)]) == 0
     out = capsys.readouterr()
-    assert out.out == f"Imported as run 1, smplifyx: {FRAMES} frames, neutral smplx body\n"
+    assert out.out == f"Imported as run 1, SMPLify-X: smplifyx: {FRAMES} frames, neutral smplx body\n"
     (good / "results" / "walk_000001" / "000.pkl").write_bytes(b"\x80\x02}.")
     assert main(["import", str(folder), str(good)]) == 2
     err = capsys.readouterr().err
@@ -213,16 +213,17 @@ def test_a_path_becomes_a_run_that_can_be_shown_as_a(tested: LonePage, tmp_path:
     tested.settle()
     assert tested.notices == [] or tested.notices[-1].kind != "error"
     run = session.fits.runs[-1]
-    assert run.kind == "imported" and tab.message[0] == "Imported: theirs; show it as A or B"
+    assert run.kind == "imported" and tab.message[0] == "Imported: SMPLify-X: theirs; show it as A or B"
     html = tested.html()
     assert "imported" in html and "theirs" in html
     assert "Use its settings" not in html
     shown = session.fits.show(FitChoice())
     assert shown is not None and shown.run.id == own.id, "what was imported is not the newest fit"
     tested.click("Show as A")
+    tab.set(mode="ab")
     tested.until(lambda: tab.look().a)  # its fit may have to be read again
     imported = tab.look().a
-    assert imported is not None and imported.title == "theirs" and imported.run.id == run.id
+    assert imported is not None and imported.title == "SMPLify-X: theirs" and imported.run.id == run.id
     tested.click("Show as B")
     with pytest.raises(InputError, match="theirs was imported: its frames and shape cannot be refitted"):
         session.rerun_shape(imported, own.config)
@@ -277,7 +278,7 @@ def test_an_upload_becomes_a_run_and_its_name_no_path(tested: LonePage, tmp_path
     before = sorted(tmp_path.rglob("*"))
     _upload(tested, "../../evil\n.zip", file.read_bytes())
     [run] = tested.page.tab.session.fits.runs
-    assert run.name == "../../evil?.zip" and run.summary["source"] == "../../evil?.zip"
+    assert run.name == "SMPLify-X: evil?" and run.summary["source"] == "../../evil?.zip"
     made = [path for path in sorted(tmp_path.rglob("*")) if path not in before]
     assert [path.relative_to(tmp_path).parts[:2] for path in made] == [("p", "runs")]
 
@@ -302,7 +303,7 @@ def test_an_imported_run_is_compared_and_searched_like_any_other(
     with tiny_page(panel_server, tmp_path / "p", tiny_body, ComparePanel) as tested:
         own, session = tested.fit(), tested.page.tab.session
         run = session.import_run(small_results(tmp_path / "theirs", tiny_body), NONE, lambda text, share: None)
-        tested.page.tab.set(a=FitChoice(run=run.id), b=FitChoice(run=own.id))
+        tested.page.tab.set(mode="ab", a=FitChoice(run=run.id), b=FitChoice(run=own.id))
         tested.until(lambda: "Jitter" in tested.html())
         shown = page_a(tested)
         figures = {figure.name: figure.value for figure in tested.page.tab.data.metrics(shown) or ()}

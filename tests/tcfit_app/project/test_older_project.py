@@ -92,7 +92,7 @@ def test_its_runs_are_there_and_go_on(project: Project):
     found = [(run.id, run.name, run.kind, run.state, run.parent, run.edits_seen) for run in runs.all()]
     assert found == [
         (2, "fit 1", "fit", "finished", None, 1),
-        (3, "fit 1 corrected", "corrections", "finished", 2, 3),
+        (3, "fit 1 with corrections", "corrections", "finished", 2, 3),
         (4, "died", "fit", "interrupted", None, 3),
     ]
     assert [run.name for run in runs.all(deleted=True)] == ["fit 0"]
@@ -111,7 +111,7 @@ def test_it_is_reviewed(panel_server: viser.ViserServer, project: Project):
         assert shown is not None and shown.phase == 3
         assert np.isfinite(tab.data.vertices(FrameBody(shown=shown, frame=0))).all()
         html = tested.html()
-        assert "fit 1 corrected" in html and "interrupted" in html
+        assert "fit 1 with corrections" in html and "interrupted" in html
 
 
 def test_it_is_exported(folder: Path, tmp_path: Path):

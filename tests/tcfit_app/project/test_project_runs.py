@@ -32,7 +32,7 @@ def test_a_run_from_start_to_end(project: Project):
     project.append(random_edit(0))
     config = replace(PRESETS["paper"], hand_components=45, robust_at_height=None, pose_prior="/gone/vposer")
     first = project.runs.start(config, body=BODY, edits_seen=1)
-    assert (first.name, first.state, first.ended, first.stored) == ("Run 1", "running", None, False)
+    assert (first.name, first.state, first.ended, first.stored) == ("Fit 1", "running", None, False)
     fit = replace(sample_fit(3, components=45), config=config)
     first = project.runs.finish(first.id, fit, summary={"jitter": {"phase3": 1.5}, "lost": None})
     window = project.runs.start(
@@ -127,11 +127,11 @@ def test_phases_are_kept_while_a_run_goes_on(project: Project):
 
 def test_only_what_runs_can_end_and_only_what_has_ended_can_go(project: Project):
     run = started(project)
-    with pytest.raises(InputError, match="Run 1 is running; cancel it first"):
+    with pytest.raises(InputError, match="Fit 1 is running; cancel it first"):
         project.runs.delete(run.id)
     project.runs.end(run.id, "cancelled")
     for call in (lambda: project.runs.finish(run.id, sample_fit(0)), lambda: project.runs.end(run.id, "failed")):
-        with pytest.raises(InputError, match="Run 1 is cancelled; expected running"):
+        with pytest.raises(InputError, match="Fit 1 is cancelled; expected running"):
             call()
     with pytest.raises(InputError, match=r"000001\.npz: is missing; expected the result of a run"):
         project.runs.load(run.id)

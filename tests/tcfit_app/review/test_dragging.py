@@ -108,7 +108,7 @@ def test_a_run_that_has_corrections_gets_no_second_run_of_them(tested: LonePage,
 
 def test_a_drag_of_another_frame_or_run_leaves_this_body_alone(tested: LonePage):
     tab, first, second = tested.page.tab, tested.fit(), tested.fit()
-    tab.set(a=FitChoice(run=first.id))
+    tab.set(mode="ab", a=FitChoice(run=first.id))
     drag(tested, "start", 0.0)
     drag(tested, "move", 40.0)
     tested.until(lambda: tab.session.edit_follower.live is not None)

@@ -481,7 +481,7 @@ def test_frames_of_a_run_that_ended_after_its_first_phase_are_not_fitted_again(s
     session.fit_everything(replace(QUICK, last_phase=1), kind="smplx", gender="neutral")
     idle(session)
     runs = session.fits.runs
-    with pytest.raises(InputError, match=r"Run 2 ended after phase 1.*Fit the shape again"):
+    with pytest.raises(InputError, match=r"Fit 2 ended after its first pass.*Fit the shape again"):
         session.rerun_frames(newest(session), QUICK, (range(2, 5),))
     assert session.fits.runs == runs
 

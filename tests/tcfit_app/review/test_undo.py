@@ -155,7 +155,7 @@ def test_corrections_are_hidden_once_all_are_undone(session: Session, folder: Pa
     shown = FitChoice(run=corrected.run.id)
     session.undo(author="me", shown=corrected)
     idle(session)
-    assert [run.name for run in session.fits.runs] == ["Run 1", other.name]
+    assert [run.name for run in session.fits.runs] == ["Fit 1", other.name]
     now = session.fits.show(shown)
     assert now is not None and now.run.id == corrected.run.parent, "not the newest"
     session.redo(author="me", shown=now)

@@ -13,12 +13,12 @@ from fitting_core.body.files.forms import KINDS
 from fitting_core.body.files.registry import GENDERS
 from fitting_core.camera import FULL_FRAME_DIAGONAL_MM, Camera
 from fitting_core.config.schema import POSE_PRIORS, PRESETS, FitConfig
-from fitting_core.config.settings import RANGES, Range, changed, settings, value_of
+from fitting_core.config.settings import RANGES, Range, changed, settings, value_of, without_effect
 from fitting_core.config.toml import as_toml, parsed
 from fitting_core.errors import InputError
 from fitting_core.files.toml_text import parsed_toml
 from fitting_core.priors.files.registry import list_priors
-from tcfit_app.project.storage.run_record import Source
+from tcfit_app.project.storage.run_record import Source, by_name
 from tcfit_app.review.gestures.fitting import camera_of
 from tcfit_app.review.panels.elements.camera_input import CameraInput
 from tcfit_app.review.panels.elements.field import (
@@ -97,26 +97,6 @@ _BODY = frozenset(("kind", "gender"))
 _SOURCE = "All settings"
 _FILE = "a file …"
 _PATH = "Path of the shape"
-
-
-_NEED_FRAMES = (
-    *("temporal.weight", "temporal.mode", "temporal.window_size", "temporal.space"),
-    *("shape_sample.size", "shape_sample.strategy", "shape_sample.seed"),
-)
-"""Settings that make no difference to a clip of one frame."""
-
-
-@lru_cache(256)
-def without_effect(config: FitConfig, frames: int) -> frozenset[str]:
-    """Dotted names of the settings that change nothing in a clip of that many frames, because of other settings."""
-    found = {*_NEED_FRAMES} if frames == 1 else set()
-    if config.temporal.weight == 0:
-        found |= {"temporal.mode", "temporal.window_size", "temporal.space"}
-    if config.temporal.mode == "global":
-        found.add("temporal.window_size")
-    if config.shape_sample.strategy != "random":
-        found.add("shape_sample.seed")
-    return frozenset(found)
 
 
 @lru_cache(256)
@@ -329,8 +309,8 @@ class FitInputs:
         tab, also = self._tab, (_FILE,) if file else ()
 
         def runs() -> dict[str, Source | None]:
-            stored = (run for run in reversed(tab.session.fits.runs) if run.stored)
-            return {none: None, **{run.option: Source(run=run.id) for run in stored}}
+            stored = [run for run in reversed(tab.session.fits.runs) if run.stored]
+            return {none: None, **{name: Source(run=run.id) for name, run in by_name(stored).items()}}
 
         def read(now: FitSettings) -> str:
             source = getattr(now.given, name)

@@ -31,7 +31,7 @@ def tested(panel_server: viser.ViserServer, tmp_path: Path) -> Iterator[LonePage
         lone_page(panel_server, project) as made,
     ):
         tab = made.page.tab
-        tab.set(a=FitChoice(run=1), b=FitChoice(run=2))
+        tab.set(mode="ab", a=FitChoice(run=1), b=FitChoice(run=2))
 
         def curve(name: str, shown: Shown) -> Curve:
             return curves.setdefault((name, shown.run.id), of(name, VALUES[shown.run.id]))

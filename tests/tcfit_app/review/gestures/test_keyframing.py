@@ -236,7 +236,7 @@ def test_it_is_said_why_a_fit_does_not_follow(tested: LonePage):
     tab.set(b=FitChoice(phase=2))
     drag(tested, 1, 20.0, WRIST)
     told = tab.message[0]
-    assert "left wrist moved, frame 1. The fit does not follow: B shows" in told and "shared shape" in told
+    assert "left wrist moved, frame 1. The fit does not follow: only the final pass" in told and "one shape" in told
     assert not tab.session.edit_follower.busy
 
 

@@ -17,8 +17,9 @@ from tests.tcfit_app.review.panels.conftest import Opener
 
 def test_two_fits_are_compared(panel_of: Opener):
     tested = panel_of(ComparePanel)
-    assert "Make one in the panel Fit first" in tested.html()
     tested.fit()
+    assert "Nothing is compared" in tested.html()
+    tested.page.tab.set(mode="ab")
     assert "Measuring" in tested.html()
     tested.until(lambda: "Jitter" in tested.html() and "B − A" in tested.html())
 
@@ -33,6 +34,8 @@ def test_a_re_run_stands_beside_what_it_came_from(panel_of: Opener):
     rerun = session.fits.runs[-1]
     assert (tab.state.a.run, tab.state.b.run) == (first.id, rerun.id)
     tested.until(lambda: not session.jobs)
+    assert tab.look().a is None, "nothing is compared yet"
+    tab.set(mode="ab")
     a, b = tab.look().a, tab.look().b
     assert a is not None and b is not None and (a.run.id, b.run.id) == (first.id, rerun.id)
     seconds = {metric.name: metric.value for metric in _metrics(tested, b)}["seconds"]
@@ -67,6 +70,7 @@ def test_fits_are_compared_with_a_reference(panel_of: Opener, tmp_path: Path):
     tested.click("Compare with this")
     tested.until(lambda: "in its own world" in tested.html())
     tested.fit()
+    tested.page.tab.set(mode="ab")
     tested.until(lambda: f"PA-MPJPE, {FRAMES - 2} of {FRAMES} frames" in tested.html())
     assert tested.page.tab.session.project.reference is not None
     tested.click("Remove the reference")

@@ -175,16 +175,16 @@ def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of
     tested.page.tab.set(frames=range(2, 5), mode="ab")
     tested.press("export.side", "a")
     tested.press("export.frames", "selected")
-    assert name("npz") == f"-run{run.id}-per-frame-2-4.smplx.npz"
+    assert name("npz") == "-fit1-first-pass-2-4.smplx.npz"
     assert name("figures") == "-2-4.figures.csv", "it shows A and B"
     assert name("pose") == "-2-4.pose" and name("project") == ".tcfit.zip"
     tested.page.tab.set(frames=None, a=FitChoice(phase=2))
     tested.draw()
-    assert name("figures") == f"-run{run.id}-shared-shape-run{run.id}-temporal.figures.csv"
+    assert name("figures") == "-fit1-one-shape-fit1.figures.csv"
     second = tested.fit()
     tested.page.tab.set(b=FitChoice(run=run.id))
     tested.page.tab.set(mode="edit")
-    assert name("summary") == f"-run{run.id}-temporal.summary.json"
+    assert name("summary") == "-fit1.summary.json"
     tested.page.tab.set(b=FitChoice(run=second.id))
     assert name("summary") == ".summary.json"
 
@@ -208,7 +208,7 @@ def test_the_project_is_downloaded(panel_of: Opener, tmp_path: Path):
     (tmp_path / "got.zip").write_bytes(downloaded(tested, "project"))
     unpack(tmp_path / "got.zip", tmp_path / "got.tcfit")
     with Project.open(tmp_path / "got.tcfit") as found:
-        assert [run.name for run in found.runs.all()] == ["Run 1"] and found.runs.load(1).last.phase == 3
+        assert [run.name for run in found.runs.all()] == ["Fit 1"] and found.runs.load(1).last.phase == 3
 
 
 def test_exported_keypoints_are_the_corrected_ones(panel_of: Opener, tmp_path: Path):

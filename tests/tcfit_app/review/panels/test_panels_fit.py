@@ -116,9 +116,9 @@ def test_the_height_is_the_projects_and_fits_have_it(tested: LonePage):
 def test_a_fit_starts_from_a_run_and_has_its_shape(tested: LonePage):
     tab, session, first = tested.page.tab, tested.page.tab.session, tested.fit()
     tested.draw()
-    tested.enter("Start from", first.option)
+    tested.enter("Start from", first.name)
     tested.enter("Held near (m)", "0.05")
-    tested.enter("Same person as", first.option)
+    tested.enter("Same person as", first.name)
     said = f"The next fit starts from {first.name}, held within about 5 cm of it and uses the shape of {first.name}."
     assert said in tested.html()
     tested.click("Fit everything")

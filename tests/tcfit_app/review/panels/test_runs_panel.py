@@ -178,13 +178,14 @@ def test_a_run_without_a_name_is_refused(panel_of: Opener):
     tested.draw()
     tested.enter("Name", "   ")
     tested.click("Rename")
-    assert tested.notices[-1].kind == "error" and tested.page.tab.session.fits.runs[0].name == "Run 1"
+    assert tested.notices[-1].kind == "error" and tested.page.tab.session.fits.runs[0].name == "Fit 1"
 
 
 def test_nothing_is_sent_when_nothing_changed(panel_of: Opener):
     tested = panel_of(ComparePanel)
     before = tested.html()
     tested.fit()
+    tested.page.tab.set(mode="ab")
     assert tested.html() != before
     tested.until(lambda: "Jitter" in tested.html())
     assert not tested.draw()

@@ -58,7 +58,7 @@ def test_a_fit_s_own_camera_is_that_of_the_room_only(tested: LonePage, monkeypat
 
 def test_a_fit_that_cannot_be_read_is_told_and_the_other_is_there(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
     tab, (first, second) = tested.page.tab, tested.page.tab.session.fits.runs
-    tab.set(a=FitChoice(run=first.id), b=FitChoice(run=second.id))
+    tab.set(mode="ab", a=FitChoice(run=first.id), b=FitChoice(run=second.id))
     show = Fits.show
 
     def damaged(self: Fits, choice: FitChoice) -> object:
@@ -79,4 +79,4 @@ def test_it_is_resolved_once_for_all_that_is_drawn(tested: LonePage, monkeypatch
     show = Fits.show
     monkeypatch.setattr(Fits, "show", lambda self, choice: asked.append(choice) or show(self, choice))
     page.draw(0.1)
-    assert asked == [page.tab.state.a, page.tab.state.b]
+    assert asked == [page.tab.state.b]
