@@ -26,19 +26,11 @@ def test_no_identifier_is_made(module: str, tmp_path: Path):
 
 def endless_model(path: Path) -> Path:
     """A model that loops 2^62 times before it answers."""
-    body = helper.make_graph(
-        [helper.make_node("Identity", ["go_on"], ["still"]), helper.make_node("Cos", ["value"], ["next"])],
-        "body",
-        [
-            helper.make_tensor_value_info("number", TensorProto.INT64, []),
-            helper.make_tensor_value_info("go_on", TensorProto.BOOL, []),
-            helper.make_tensor_value_info("value", TensorProto.FLOAT, [1, 3, 8, 8]),
-        ],
-        [
-            helper.make_tensor_value_info("still", TensorProto.BOOL, []),
-            helper.make_tensor_value_info("next", TensorProto.FLOAT, [1, 3, 8, 8]),
-        ],
-    )
+    number = helper.make_tensor_value_info("number", TensorProto.INT64, [])
+    go_on, still = (helper.make_tensor_value_info(name, TensorProto.BOOL, []) for name in ("go_on", "still"))
+    value, after = (helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, 3, 8, 8]) for name in ("value", "after"))
+    steps = [helper.make_node("Identity", ["go_on"], ["still"]), helper.make_node("Cos", ["value"], ["after"])]
+    body = helper.make_graph(steps, "body", [number, go_on, value], [still, after])
     loop = helper.make_node("Loop", ["turns", "", "image"], ["answer"], body=body)
     turns = {"turns": np.array(2**62, np.int64)}
     return save(path, [loop], image=(1, 3, 8, 8), outputs={"answer": (1, 3, 8, 8)}, constants=turns)

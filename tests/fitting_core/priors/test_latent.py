@@ -48,17 +48,6 @@ def test_decodes_as_modules_of_torch_do(activation: Activation):
     assert float(pose.view(20, 21, 3).norm(dim=2).max()) <= math.pi + 1e-12
 
 
-@pytest.mark.parametrize("activation", ACTIVATIONS)
-def test_turns_are_the_derivative_of_the_rotations(activation: Activation):
-    """About their own axes: dR = R hat(turn)."""
-    prior = LatentPrior(random_network(activation))
-    z = random_latents(11)
-    expected = torch.func.vmap(torch.func.jacrev(lambda one: prior.rotations(one[None])[0]))(z)
-    matrices, turns = prior._turns(z)
-    found = (matrices[:, :, None] @ rotations.hat(turns.mT)).permute(0, 1, 3, 4, 2)
-    torch.testing.assert_close(found, expected, rtol=1e-10, atol=1e-10)
-
-
 @pytest.mark.parametrize("angle", [0.0, 1e-8, 1e-4, 0.03, 1.0, 3.0, math.pi - 1e-4, math.pi - 1e-9, math.pi])
 def test_decode_is_differentiable_near_rest_and_near_half_turns(angle: float):
     """Of the rotation matrices, by way of exp's left Jacobian."""
@@ -90,7 +79,7 @@ def test_encoding_finds_a_pose_that_was_decoded(activation: Activation):
 def test_encoding_is_never_farther_than_the_encoder_alone(monkeypatch: pytest.MonkeyPatch):
     """Of poses that the network cannot express, too."""
     prior = LatentPrior(random_network(spread=1.0))
-    pose = 0.7 * random_latents(40, 63)
+    pose = 0.7 * random_latents(15, 63)
 
     def distance(z: Tensor) -> Tensor:
         return prior._distance(z, rotations.exp(pose.view(-1, 21, 3)))

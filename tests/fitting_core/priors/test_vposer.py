@@ -240,21 +240,15 @@ def test_wrong_weights_are_refused(tmp_path: Path, damage: str):
 
 
 @pytest.mark.parametrize("legacy", [False, True])
-def test_cut_off_files_are_refused(tmp_path: Path, legacy: bool):
-    """Wherever the end is missing, nothing but an InputError comes."""
+def test_cut_off_and_damaged_files_end_in_an_input_error(tmp_path: Path, legacy: bool):
+    """Wherever the end is missing; a file with changed bytes may also be read."""
     snapshot = PLACES["snapshot"](folder_1(tmp_path / "prior", trained(version_1), legacy=legacy))
-    whole = snapshot.read_bytes()
+    whole, rng = snapshot.read_bytes(), np.random.default_rng(0)
     for kept in np.linspace(0, len(whole) - 100, 40).astype(int):
         snapshot.write_bytes(whole[:kept])
         with pytest.raises(InputError):
             read_vposer(tmp_path)
-
-
-@pytest.mark.parametrize("legacy", [False, True])
-def test_damaged_files_end_in_an_input_error_if_at_all(tmp_path: Path, legacy: bool):
-    snapshot = PLACES["snapshot"](folder_1(tmp_path / "prior", trained(version_1), legacy=legacy))
-    whole, rng = snapshot.read_bytes(), np.random.default_rng(0)
-    start = whole.index(b"bodyprior")  # the pickle is here
+    start, refused = whole.index(b"bodyprior"), 0  # the pickle is here
     for _ in range(300):
         damaged = bytearray(whole)
         for place in rng.integers(max(start - 60, 0), start + 3000, 3):
@@ -263,7 +257,8 @@ def test_damaged_files_end_in_an_input_error_if_at_all(tmp_path: Path, legacy: b
         try:
             read_vposer(snapshot)
         except InputError:
-            continue
+            refused += 1
+    assert refused > 100
 
 
 def test_a_tensor_that_looks_outside_of_its_storage_is_refused(tmp_path: Path):

@@ -95,14 +95,21 @@ def test_animations_read_back(tiny_body: BodyModel, seed: int, axes: str, hands:
     assert found.numbers == (7, 8, 9) and found.frame_rate == 29.97 and found.camera is not None
 
 
+def fit_of(folder: Path, phase: int, motion: BodyParams, body: BodyModel) -> dict[str, np.ndarray]:
+    """Write fit.npz of one phase, from frame 40 on."""
+    n = len(motion)
+    result = PhaseResult(phase=phase, params=motion, objective={}, frame_cost=np.zeros(n), seconds=0.0)
+    fit = FitResult(phases=(result,), camera=CAMERA, config=PRESETS["paper"], observed=np.ones((n, 55), bool))
+    points = Keypoints(xy=np.zeros((n, 137, 2)), confidence=np.ones((n, 137)))
+    arrays = fit_arrays(fit, Clip(keypoints=points, camera=CAMERA, frame_rate=25.0, name="w", first_frame=40), body)
+    np.savez(folder / "fit.npz", allow_pickle=False, **arrays)
+    return arrays
+
+
 def test_a_fit_of_tcfit_reads_back(tiny_body: BodyModel, tmp_path: Path):
     """fit.npz has the hands as components and as angles; the latter are read, and pose the same body."""
     motion = Motion(body=tiny_body, params=params(3, 2), camera=CAMERA, frame_rate=25.0, name="w").one_shape
-    phase = PhaseResult(phase=3, params=motion.params, objective={}, frame_cost=np.zeros(2), seconds=0.0)
-    fit = FitResult(phases=(phase,), camera=CAMERA, config=PRESETS["paper"], observed=np.ones((2, 55), bool))
-    points = Keypoints(xy=np.zeros((2, 137, 2)), confidence=np.ones((2, 137)))
-    clip = Clip(keypoints=points, camera=CAMERA, frame_rate=25.0, name="w", first_frame=40)
-    np.savez(tmp_path / "fit.npz", allow_pickle=False, **fit_arrays(fit, clip, tiny_body))
+    fit_of(tmp_path, 3, motion.params, tiny_body)
     found = read_motion(tmp_path / "fit.npz")
     posed = found.on(tiny_body, CAMERA)
     assert (found.numbers, found.camera, found.placed) == ((40, 41), CAMERA, True)
@@ -112,11 +119,7 @@ def test_a_fit_of_tcfit_reads_back(tiny_body: BodyModel, tmp_path: Path):
 def test_a_fit_of_phase_1_alone_reads_back_where_it_was(tiny_body: BodyModel, tmp_path: Path):
     """Other programs see the mean of its frames' betas, with which the pelvis must not move."""
     motion = params(3, 4)
-    phase = PhaseResult(phase=1, params=motion, objective={}, frame_cost=np.zeros(4), seconds=0.0)
-    fit = FitResult(phases=(phase,), camera=CAMERA, config=PRESETS["paper"], observed=np.ones((4, 55), bool))
-    points = Keypoints(xy=np.zeros((4, 137, 2)), confidence=np.ones((4, 137)))
-    arrays = fit_arrays(fit, Clip(keypoints=points, camera=CAMERA, frame_rate=25.0, name="w"), tiny_body)
-    np.savez(tmp_path / "fit.npz", allow_pickle=False, **arrays)
+    arrays = fit_of(tmp_path, 1, motion, tiny_body)
     posed = read_motion(tmp_path / "fit.npz").on(tiny_body, CAMERA)
     pelvis = joints_in_space(tiny_body, posed)[:, 0]
     assert np.abs(pelvis - arrays["joints"][:, 0]).max() < 1e-9
