@@ -2,7 +2,8 @@
 
 from collections.abc import Collection
 
-from fitting_core.keypoints import BODY, PARTS
+from fitting_core.body.handshapes import HANDSHAPES
+from fitting_core.keypoints import BODY, GROUPS, PARTS
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import Groups, MenuItem, Menus
 from tcfit_app.review.gestures.actions import ACTIONS, OF_SELECTION, Gestures, Need, frames
@@ -30,17 +31,30 @@ _OF_KEYPOINTS = (
     ("bad", "reset", "copy", "interpolate", "delete_key"),
     ("mirror_depth", "in_front", "behind", "clear_depth"),
     ("pin", "lock", "unlock"),
+    ("shape",),
     ("zoom",),
 )
 _OF_PICTURE = (
-    ("all", "undo", "redo"),
+    ("select", "undo", "redo"),
     ("detect", "frame"),
     ("fine", "flag", "note"),
     ("bodies", "keypoints", "outline", "side"),
     ("fit_view", "copy_link"),
 )
-_BY_PART = {"detect": "Detect again", "frame": "Detect in a rectangle"}
-"""Submenus of everything that can be detected, by the first word of the actions."""
+_OTHER_SHAPES = {
+    "shape_other": "as the other hand",
+    "copy_shape": "copy",
+    "shape_copied": "the copied one",
+    "shape_last": "repeat last",
+    "free_hand": "remove",
+}
+_SUBMENUS: dict[str, tuple[str, dict[str, str]]] = {
+    "detect": ("Detect again", {f"detect_{part}": part_name(part) for part in PARTS}),
+    "frame": ("Detect in a rectangle", {f"frame_{part}": part_name(part) for part in PARTS}),
+    "select": ("Select", {"all": "all on show"} | {f"select_{group}": group.replace("_", " ") for group in GROUPS}),
+    "shape": ("Hand shape", {f"shape_{name}": name for name in HANDSHAPES} | _OTHER_SHAPES),
+}
+"""Titles, and the actions with what they are called there."""
 
 
 def menus(gestures: Gestures) -> Menus:
@@ -93,7 +107,7 @@ def _group(gestures: Gestures, *names: str, but: Collection[Need] = ()) -> tuple
 
 
 def item(gestures: Gestures, name: str, label: str = "", *, but: Collection[Need] = ()) -> MenuItem:
-    """A menu item for one of ACTIONS or _BY_PART, with the first of its keys.
+    """A menu item for one of ACTIONS or _SUBMENUS, with the first of its keys.
 
     Args:
         gestures: Of the tab.
@@ -101,10 +115,10 @@ def item(gestures: Gestures, name: str, label: str = "", *, but: Collection[Need
         label: Its text; empty: its title.
         but: As in `Action.obstacle`.
     """
-    if name in _BY_PART:
-        parts = tuple(MenuItem(label=part_name(part).capitalize(), action=f"{name}_{part}") for part in PARTS)
-        why = ACTIONS[f"{name}_person"].obstacle(gestures, but=but)
-        return MenuItem(label=label or _BY_PART[name], more=parts, obstacle=why)
+    if name in _SUBMENUS:
+        title, known = _SUBMENUS[name]
+        parts = tuple(item(gestures, action, own.capitalize(), but=but) for action, own in known.items())
+        return MenuItem(label=label or title, more=parts, obstacle=parts[0].obstacle)
     action = ACTIONS[name]
     keys = next(map(str, action.keys), "")
     why = action.obstacle(gestures, but=but)

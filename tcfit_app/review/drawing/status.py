@@ -4,10 +4,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import torch
 
 from fitting_core.body.geometry import SIDES
-from fitting_core.camera import project
 from fitting_core.errors import InputError
 from fitting_core.keypoints import BODY, NAMES
 from tcfit_app.analysis.body_regions import spoken
@@ -103,13 +101,9 @@ _WITH = {
 def gap_words(corrected: Corrected, data: DrawingData, body: FrameBody, joints: Sequence[int]) -> str:
     """The largest gap between these keypoints, as far as they were corrected in a body's frame, and the body, in words;
     empty without any."""
-    points, camera, worst, here = data.keypoints(body), body.shown.camera, ("", 0.0), corrected[body.frame]
-    for joint in joints:
-        if not here.edited[joint] or here.bad[joint] or not np.isfinite(points[joint]).all():
-            continue
-        reached = project(camera, torch.as_tensor(points[joint])).numpy()
-        gap = float(np.linalg.norm(reached - here.xy[joint]))
-        if gap > max(worst[1], GAP * float(np.hypot(*camera.size))):
+    worst, here, least = ("", 0.0), corrected[body.frame], GAP * float(np.hypot(*body.shown.camera.size))
+    for joint, gap in zip(joints, data.gaps(body, joints).tolist(), strict=True):
+        if here.edited[joint] and not here.bad[joint] and gap > max(worst[1], least):
             worst = (_gap_words(joint, gap), gap)
     return worst[0]
 

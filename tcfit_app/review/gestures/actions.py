@@ -6,7 +6,7 @@ from typing import ParamSpec
 
 from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.errors import InputError
-from fitting_core.keypoints import PARTS
+from fitting_core.keypoints import COUNT, GROUPS, PARTS
 from tcfit_app.exports.table import exports
 from tcfit_app.review.browser.page_states import Hint, Hints, KeyBinding
 from tcfit_app.review.gestures.correcting import NUDGES, Correcting
@@ -378,6 +378,13 @@ _VIEW: tuple[_Row, ...] = (
     ("first_steps", "Show the first steps", "", lambda g: g.show_first_steps(), ()),
     ("help", "Show all keys", "h", _toggle("keys"), ()),
 )
+_SWAPS = {
+    "body": ("Swap left and right of the body", "s"),
+    "arms": ("Swap left and right of the arms", ""),
+    "legs": ("Swap left and right of the legs", ""),
+    "hands": ("Swap the hands", "Shift+s"),
+}
+"""Titles and keys, by the name in SWAPPABLE."""
 _KEYPOINTS: tuple[_Row, ...] = (
     ("bad", "Mark bad, or restore", "x", lambda g: g.correcting.toggle_bad(), _OF_JOINTS),
     ("reset", "Reset to the detection", "Backspace Delete", lambda g: g.correcting.reset(), _OF_JOINTS),
@@ -391,8 +398,10 @@ _KEYPOINTS: tuple[_Row, ...] = (
         lambda g: g.correcting.delete_key(),
         (writable, keypoints, some_key, joints, key),
     ),
-    ("swap_body", "Swap left and right of the body", "s", lambda g: g.correcting.swap_sides("body"), _EDIT),
-    ("swap_hands", "Swap the hands", "Shift+s", lambda g: g.correcting.swap_sides("hands"), _EDIT),
+    *(
+        (f"swap_{part}", title, keys, lambda g, part=part: g.correcting.swap_sides(part), _EDIT)
+        for part, (title, keys) in _SWAPS.items()
+    ),
     ("mirror_depth", "Mirror in depth", "Shift+m", lambda g: g.depth.send("mirror"), (*_EDIT, limbs, fit)),
     ("in_front", "Put in front of shoulder or hip", "", lambda g: g.depth.send("front"), (*_EDIT, limbs, fit)),
     ("behind", "Put behind shoulder or hip", "", lambda g: g.depth.send("behind"), (*_EDIT, limbs, fit)),
@@ -436,6 +445,16 @@ _KEYPOINTS: tuple[_Row, ...] = (
     ),
     ("cancel_detecting", "Cancel detecting again", "", lambda g: g.again.cancel(), ()),
     ("all", "Select all keypoints on show", "Ctrl+a", lambda g: g.correcting.select_all(), ()),
+    *(
+        (
+            f"select_{group}",
+            f"Select the {group.replace('_', ' ')}",
+            "",
+            lambda g, group=group: g.tab.set(selection=tuple(range(COUNT)[GROUPS[group]])),
+            (keypoints,),
+        )
+        for group in GROUPS
+    ),
     ("escape", "Cancel, or clear the selection", "Escape", _escape, ()),
     ("undo", "Undo", "Ctrl+z", lambda g: g.correcting.undo(), (writable, _undoable)),
     ("redo", "Redo", "Ctrl+Shift+z Ctrl+y", lambda g: g.correcting.redo(), (writable, _redoable)),
@@ -459,6 +478,13 @@ _FIT: tuple[_Row, ...] = (
 )
 _CLIPS: tuple[_Row, ...] = (
     ("approve", "Approve clip / withdraw approval", "Shift+o", lambda g: g.reviewing.approve(), (writable, _finished)),
+    (
+        "approve_next",
+        "Approve the clip and go to the next",
+        "",
+        lambda g: g.reviewing.approve_and_leave(),
+        (writable, _finished, _listed),
+    ),
     ("next_clip", "Next clip of the list", "PageDown", lambda g: g.reviewing.leave("next"), (_listed,)),
     ("previous_clip", "Previous clip of the list", "PageUp", lambda g: g.reviewing.leave("previous"), (_listed,)),
     ("list", "All clips", "Shift+Home", lambda g: g.reviewing.leave("list"), (_listed,)),

@@ -96,7 +96,7 @@ class DetectingAgain:
         self.require_detector()
         if self.busy:
             assert self.going is not None
-            raise InputError(f"{self.going.title}: wait for it, or cancel it in the panel Keypoints.")
+            raise InputError(f"{self.going.title}: wait for it, or cancel it.")
 
     def _take_end(self, look: SecondLook, clip: Clip, task: Task[DetectAgain | None]) -> None:
         tab, name = self._tab, part_name(look.part)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from fitting_core.keypoints import FINGER_JOINTS, PartOfPerson
-from tcfit_app.analysis.body_regions import full_name
+from tcfit_app.analysis.body_regions import REGIONS, full_name
 from tcfit_app.project.edits.edit_log import MarkFrames, MarkState, Said, WriteNote, WriteNotes
 from tcfit_app.project.edits.kinds import (
     ClearDepth,
@@ -83,7 +83,7 @@ def describe(edit: Said, first_frame: int = 0) -> str:
         return f"{len(edit.notes)} notes imported, {in_words(edit.frames, first_frame)}"
     if isinstance(edit, ShapeHand):
         return _shape_in_words(edit, first_frame)
-    what = part_name(edit.part) if isinstance(edit, DetectAgain) else _keypoints_in_words(edit.joints)
+    what = part_name(edit.part) if isinstance(edit, DetectAgain) else keypoints_in_words(edit.joints)
     verb = _in_depth(edit) if isinstance(edit, SetDepth) else VERBS[type(edit)]
     if isinstance(edit, MoveKey):
         verb = f"{verb} to frame {edit.to + first_frame}"
@@ -129,12 +129,15 @@ def shortened(text: str) -> str:
     return textwrap.shorten(text, SHORT_TEXT, placeholder=" …")
 
 
-def _keypoints_in_words(joints: tuple[int, ...]) -> str:
+def keypoints_in_words(joints: tuple[int, ...]) -> str:
+    """Keypoints by name, or a whole part of the body, or their number."""
     wrists = [wrist for wrist, hand in HANDS_OF.items() if {*joints} - {*range(hand.start, hand.stop)} == {wrist}]
     if wrists and len(joints) > 1:
         return f"{full_name(wrists[0])} and its hand"
-    names = [full_name(joint) for joint in joints]
-    return ", ".join(names) if len(names) <= FEW else f"{len(names)} keypoints"
+    if len(joints) > FEW:
+        parts = (name for name, points in REGIONS.items() if {*points} == {*joints})
+        return next(parts, f"{len(joints)} keypoints")
+    return ", ".join(map(full_name, joints))
 
 
 def _shape_in_words(edit: ShapeHand, first_frame: int) -> str:

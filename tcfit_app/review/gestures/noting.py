@@ -11,6 +11,8 @@ PANEL = "Review"
 """The panel where notes are written."""
 FIELD = "Note"
 """The label of its field."""
+FOLD = "notes"
+"""The fold that has them."""
 
 
 class Noting:
@@ -23,6 +25,7 @@ class Noting:
 
     def begin(self) -> None:
         """Open the field for a note on the selected frames, or the one on show."""
+        self._tab.set(folds=self._tab.state.folds | {FOLD})
         self._tab.show_panel(PANEL, FIELD)
 
     def write(self, text: str) -> None:

@@ -58,7 +58,7 @@ class Reviewing:
         if suspects is None:
             raise InputError("Suspicious frames are still being looked for. Try again in a moment.")
         if not suspects:
-            raise InputError("No entry of the queue is listed: press All in the panel Review.")
+            raise InputError("No entry of the queue is listed: choose All kinds under More in the panel Review.")
         gone = self._place - (step > 0) if self._last is not None else -(step > 0)
         at = next((i for i, suspect in enumerate(suspects) if self._is_last(suspect)), gone)
         self.show(suspects[(at + step) % len(suspects)])
@@ -117,6 +117,12 @@ class Reviewing:
         self.refuse_unfinished()
         project.review.approve(tab.reviewer)
         tab.say(f"Approved by {tab.reviewer}. Shift+O withdraws it")
+
+    def approve_and_leave(self) -> None:
+        """Approve the clip unless it is approved, and go to the next clip. Raises InputError as `approve` does."""
+        if not self.approved:
+            self.approve()
+        self.leave("next")
 
     def refuse_unfinished(self) -> None:
         """Raise InputError if no fit of the clip is finished."""

@@ -90,7 +90,7 @@ class ShapingHands:
     def give_last(self) -> None:
         """Give it the shape given last."""
         if self.last is None:
-            raise InputError("Give a hand a shape first, in the panel Keypoints.")
+            raise InputError("Give a hand a shape first, in the panel Correct.")
         self.give(self.last)
 
     def copy(self) -> None:

@@ -10,15 +10,14 @@ from tcfit_app.imports.elan import ElanNotes
 from tcfit_app.project.edits.edit_log import NOTE_CHARACTERS, Note, WriteNotes
 from tcfit_app.project.frame_words import in_words, numbers
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.gestures.noting import FIELD
+from tcfit_app.review.gestures.noting import FIELD, FOLD
 from tcfit_app.review.panels.elements.field import for_writers
 from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
+from tcfit_app.review.panels.elements.fold import Fold
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
-    action,
     button,
-    heading,
     joined,
     line,
     paragraph,
@@ -36,25 +35,24 @@ class Notes:
     """A field for a note, the list of notes, and their import from ELAN."""
 
     def __init__(self, gestures: Gestures) -> None:
-        self._gestures, self._tab, self._noting = gestures, gestures.tab, gestures.noting
+        self._tab, self._noting = gestures.tab, gestures.noting
         tab, gui = gestures.tab, gestures.tab.client.gui
-        self._head = Board(tab)
         hint = f"About the selected frames, or the one on show. {NOTE_CHARACTERS:,} characters at most"
-        self._field = gui.add_text(FIELD, "", hint=hint)
-        for_writers(tab, self._field)
-        self._board = Board(tab)
-        with gui.add_folder("Notes from ELAN", expand_by_default=False):
-            Board(tab).show(paragraph(_ELAN, "dim"))
-            self._elan = FileInput(
-                tab,
-                "notes.elan",
-                self._read_elan,
-                path=None,
-                upload=TextRow(
-                    "Upload an .eaf file", "An .eaf file from this browser's computer, about this project's video"
-                ),
-                more=[TextRow("Tiers", "Tier names separated by commas; empty: all except those written by tcfit")],
-            )
+        self._fold = Fold(tab, FOLD)
+        with self._fold:
+            self._field = gui.add_text(FIELD, "", hint=hint)
+            for_writers(tab, self._field)
+            self._board = Board(tab)
+            with gui.add_folder("Notes from ELAN", expand_by_default=False):
+                Board(tab).show(paragraph(_ELAN, "dim"))
+                self._elan = FileInput(
+                    tab,
+                    "notes.elan",
+                    self._read_elan,
+                    path=None,
+                    upload=TextRow("Upload an .eaf file", "From this browser's computer, about this project's video"),
+                    more=[TextRow("Tiers", "Tier names separated by commas; empty: all except those written by tcfit")],
+                )
 
     def _read_elan(self, file: Path | viser.UploadedFile) -> None:
         assert isinstance(file, viser.UploadedFile)
@@ -83,11 +81,12 @@ class Notes:
 
     def draw(self) -> None:
         """Bring it to the tab's state."""
+        tab, changing, notes = self._tab, self._noting.changing, self._tab.session.project.notes
+        if not self._fold.draw(f"Notes ({len(notes)})" if notes else "Notes"):
+            return
         self._elan.draw()
-        tab, changing = self._tab, self._noting.changing
         where = "" if tab.state.playing else in_words(tab.chosen_frames, tab.first_frame)
-        off, notes = tab.session.project.read_only, tab.session.project.notes
-        self._head.show(heading("Notes", f"{len(notes)}" if notes else ""))
+        off = tab.session.project.read_only
         label = "Save the note" if changing else f"Add a note, {where}" if where else "Add a note"
         buttons = [button(label, "notes.write", do=self._write, disabled=off, enter=True)]
         if changing is not None:
@@ -96,7 +95,6 @@ class Notes:
             row(*buttons),
             *([table(self._line(note, off=off) for note in notes[:_MOST])] if notes else []),
             *([paragraph(f"and {len(notes) - _MOST} more, in the timeline", "dim")] if len(notes) > _MOST else []),
-            row(action(self._gestures, "copy_link")),
         )
 
     def _line(self, note: Note, *, off: bool) -> Html:

@@ -1,4 +1,4 @@
-"""The Review panel: leads through suspicious frames, and relinks a video that was moved."""
+"""The Review panel: leads through suspicious places, and relinks a video that was moved."""
 
 from functools import partial
 from pathlib import Path
@@ -9,9 +9,8 @@ import viser
 from fitting_core.errors import InputError
 from fitting_core.plugins import faults
 from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
-from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.reports import Notice
-from tcfit_app.project.frame_words import in_words, numbers
+from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.media import RELINK
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.gestures.reviewing import kinds_of
@@ -19,23 +18,25 @@ from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
+    Item,
     action,
-    choices,
+    action_item,
+    button,
+    card,
     heading,
-    line,
-    opener,
+    menu_button,
     paragraph,
-    progress_bar,
     row,
-    table,
 )
-from tcfit_app.review.panels.elements.selected_frames import unseen
+from tcfit_app.review.panels.elements.selected_frames import named, unseen
 from tcfit_app.review.panels.notes import Notes
 from tcfit_app.review.panels.who_is_who import WhoIsWho
 
 _MOST = 40
 """Entries listed; a checked one makes room for the next."""
-KIND_WORDS = {
+_CARDS, _FEWER = 5, 3
+"""Entries listed at first; fewer if there is something else above them."""
+_KINDS = {
     "failed": "Failed",
     "swap": "Swapped",
     "reprojection": "Off",
@@ -47,10 +48,6 @@ KIND_WORDS = {
     "confidence": "Lost",
 }
 """Kinds of findings, as users read them."""
-_FEW = 5
-"""Number of entries that need no filters."""
-_CLIPS = {"next_clip": "Next clip", "previous_clip": "Previous clip", "list": "All clips"}
-"""What their buttons say."""
 
 
 class ReviewPanel:
@@ -60,13 +57,11 @@ class ReviewPanel:
     icon: ClassVar[viser.IconName] = viser.Icon.CHECKLIST
 
     def __init__(self, gestures: Gestures) -> None:
-        self._gestures = gestures
+        self._gestures, self._action = gestures, partial(action, gestures)
         self._tab = tab = gestures.tab
         self._found: ReviewQueue | None = None
-        self._looking = False
-        """A newer queue is being computed."""
-        self._problem = ""
-        self._flagged: list[int] = []
+        self._all = False
+        """All entries are listed, not only the first."""
         self._damage = Board(tab)
         self._media = Board(tab)
         self._relink = FileInput(
@@ -77,7 +72,6 @@ class ReviewPanel:
             button="Relink the video",
             missing="Type the video's new location: its file, or the folder of its images.",
         )
-        self._head = Board(tab)
         self._who_is_who = WhoIsWho(gestures)
         self._queue = Board(tab)
         self._notes = Notes(gestures)
@@ -113,130 +107,108 @@ class ReviewPanel:
 
     def draw(self) -> None:
         """Update from the tab's state."""
-        tab, session = self._tab, self._tab.session
         self._draw_damage()
         self._draw_media()
-        shown = tab.shown.b
-        self._look(shown)
-        self._flagged = tab.once("flags", session.project.marks_version, self._flagged_frames)
-        where = self._applies()
-        self._draw_head(where, fine=self._gestures.reviewing.fine, flagged=set(tab.chosen_frames) <= set(self._flagged))
         self._who_is_who.draw()
-        self._queue.show(*self._entries(self._here(), fitted=shown is not None))
+        self._found = self._gestures.reviewing.queue
+        self._queue.show(*self._entries(), *self._buttons(), *self._approval())
         self._notes.draw()
 
-    def _flagged_frames(self) -> list[int]:
-        marks = self._tab.session.project.marks.all()
-        return [frame for frame, mark in marks.items() if mark.state == "flag"]
-
-    def _look(self, shown: Shown | None) -> None:
-        data = self._tab.data
-        self._found = self._gestures.reviewing.queue
-        self._problem = "" if shown is None or self._found is not None else data.problem("suspects", shown)
-        lags = self._tab.session.edit_follower.lags
-        self._looking = shown is not None and not self._problem and (lags or data.queue(shown) is None)
-
-    def _here(self) -> int | None:
-        """The position in the queue of the entry on show."""
+    def _here(self) -> Suspect | None:
+        """The entry on show."""
         frame = self._tab.state.frame
-        places = [i for i, suspect in enumerate(self._suspects) if frame in suspect.frames]
-        exact = [i for i in places if self._suspects[i].frame == frame]
-        return next(iter(exact + places), None)
+        around = [suspect for suspect in self._suspects if frame in suspect.frames]
+        return next((suspect for suspect in around if suspect.frame == frame), next(iter(around), None))
 
-    def _draw_head(self, where: str, *, fine: bool, flagged: bool) -> None:
-        found, bar = self._found, []
-        if found is not None and (total := found.looked_at + len(found.left)):
-            bar = [
-                progress_bar(found.looked_at / total),
-                paragraph(f"{found.looked_at} of {total} reviewed; flagged frames: {len(self._flagged)}", "dim"),
-            ]
-        self._head.show(
-            heading("Suspicious frames", first=not self._video_problem),
-            *bar,
-            row(
-                action(self._gestures, "previous_suspect", "Previous"),
-                action(self._gestures, "next_suspect", "Next", kind="main"),
-            ),
-            row(
-                action(self._gestures, "fine", 'Undo "looks fine"' if fine else "Looks fine"),
-                action(self._gestures, "flag", "Remove flag" if flagged else "Flag"),
-            ),
-            paragraph(where, "dim"),
-            row(action(self._gestures, "approve", self._approval()), *self._clips("next_clip")),
-            *([row(*others)] if (others := self._clips("previous_clip", "list")) else []),
-            *unseen(self._tab),
-        )
-
-    def _approval(self) -> str:
-        by = self._gestures.reviewing.approved
-        return f"Approved by {by}" if by else "Approve the clip"
-
-    def _clips(self, *names: str) -> list[Html]:
-        """Buttons that lead to other clips, if the clip was opened from a list."""
-        return [action(self._gestures, name, _CLIPS[name]) for name in names if self._tab.in_list]
-
-    def _applies(self) -> str:
-        """Which frames "Looks fine" and "Flag" apply to."""
-        tab = self._tab
-        if tab.state.playing and tab.state.frames is None:  # otherwise it would change with each frame
-            return "Both apply to the frame on show."
-        reviewing, flag = self._gestures.reviewing, in_words(tab.chosen_frames, tab.first_frame)
-        if reviewing.on_show is None:
-            return f"Both apply to {flag}."
-        return f"O marks {reviewing.subject(reviewing.on_show)} as fine, T flags {flag}."
-
-    def _entries(self, here: int | None, *, fitted: bool) -> list[Html]:
-        if not fitted:
-            return [paragraph("There is no fit yet. Suspicious frames are found once there is one.", "dim")]
-        if self._problem:
-            return [paragraph(f"Suspicious frames cannot be found: {self._problem}", "warn")]
-        if self._found is None:
-            return [paragraph("Looking for suspicious frames …", "dim")]
-        if not self._found.left:
-            done = f"All {self._found.looked_at} reviewed" if self._found.looked_at else "Nothing suspicious"
-            return [paragraph(f"{done}. Looking again …" if self._looking else f"{done}.", "dim")]
-        first, rows = self._tab.first_frame, []
-        for i, suspect in enumerate(self._suspects[:_MOST]):
-            go = opener(numbers(suspect.frames, first), "review.go", suspect.key, partial(self._go, suspect.key))
-            rows.append(
-                line(
-                    go,
-                    suspect.reason,
-                    numbers=(0,),
-                    kind="here" if i == here else "",
-                    press=go,
-                    hint="; ".join([f"Frame {first + suspect.frame}: {suspect.reason}", *suspect.also]),
-                )
-            )
-        parts = [heading("Queue", f"{len(self._suspects)} listed"), *self._filters()]
-        if rows:
-            parts.append(table(rows, ("frames", "problem in the worst frame"), numbers=(0,)))
-        else:
-            parts.append(paragraph("No entries match this filter.", "dim"))
-        if (more := len(self._suspects) - _MOST) > 0:
+    def _entries(self) -> list[Html]:
+        """The heading, and a card for each of the first entries, or a sentence in their place."""
+        shown, found, tab = self._tab.shown.b, self._found, self._tab
+        if shown is None:
+            text = "Suspicious places are found once there is a fit."
+            return [paragraph(text), row(button("Go to Fit", "review.fit", do=lambda: tab.show_panel("Fit")))]
+        if found is None:
+            problem = tab.data.problem("suspects", shown)
+            why = paragraph(f"Suspicious places cannot be found: {problem}", "warn")
+            return [why if problem else paragraph("Looking for suspicious places …", "dim")]
+        listed, here = self._suspects, self._here()
+        fewer = _FEWER if tab.someone.others or self._video_problem else _CARDS
+        most = _MOST if self._all else fewer
+        start = 0 if here is None else max(0, listed.index(here) + 1 - most)
+        parts = [_heading(found), *(self._card(one, here=one is here) for one in listed[start : start + most])]
+        if kind := tab.state.queue_kind:
+            parts.append(paragraph(f"Of this kind alone: {_KINDS.get(kind, kind)}, {len(listed)}.", "dim"))
+        more = len(listed) - most
+        if more > 0 and self._all:
             parts.append(paragraph(f"and {more} more", "dim"))
-        if self._looking:
+        if len(listed) > fewer:
+            label = "Show fewer" if self._all else f"{more} more"
+            parts.append(row(button(label, "review.more", do=self._more_or_fewer)))
+        if tab.session.edit_follower.lags or tab.data.queue(shown) is None:
             parts.append(paragraph("Looking again …", "dim"))
         return parts
 
-    def _filters(self) -> list[Html]:
-        """Which kind of entry is listed, and the button for all of them."""
-        tab, found = self._tab, self._found.left if self._found is not None else ()
-        kind = tab.state.queue_kind
-        if len(found) <= _FEW and not kind:
-            return []
-        counts = kinds_of(found)
-        labels = {"": "All"} | {
-            each: f"{KIND_WORDS.get(each, each.capitalize())} {counts[each]}"
-            for each in (*counts, *filter(None, (kind,)))
-        }
-        kinds = choices(
-            "review.kind", labels, lambda each: tab.set(queue_kind=each), lambda each: each == kind, kind="mini"
+    def _more_or_fewer(self) -> None:
+        self._all = not self._all
+
+    def _card(self, suspect: Suspect, *, here: bool) -> Html:
+        words = suspect.reason
+        where = in_words(suspect.frames, self._tab.first_frame)
+        return card(
+            f"{words[0].upper()}{words[1:]}",
+            f"{where} · {_KINDS.get(suspect.kind, suspect.kind)}",
+            "review.go",
+            suspect.key,
+            do=partial(self._go, suspect.key),
+            here=here,
+            hint="; ".join(suspect.also),
         )
-        return [
-            row(*kinds, wrap=True),
-            row(action(self._gestures, "all_fine", f"All {len(self._suspects)} look fine")),
+
+    def _buttons(self) -> list[Html]:
+        tab, act, reviewing = self._tab, self._action, self._gestures.reviewing
+        following = act("next_suspect", "Next place", kind="main")
+        more = menu_button("More ▾", "review.menu", self._more())
+        if tab.session.project.read_only:
+            return [row(following, more)]
+        if tab.hidden_frames_chosen:
+            return [row(following, more), *unseen(tab)]
+        fine = 'Undo "looks fine"' if reviewing.fine else "Looks fine"
+        entry = reviewing.on_show
+        subject = "" if entry is None else reviewing.subject(entry)
+        label = fine if entry is not None else named(fine, tab)
+        return [row(act("fine", label, hint=subject), following, more)]
+
+    def _more(self) -> list[Item | None]:
+        """The menu of what is needed less often."""
+        gestures, tab = self._gestures, self._tab
+        flagged = not tab.state.playing and gestures.reviewing.are("flag", tab.chosen_frames)
+        flag = f"{'Remove flag' if flagged else 'Flag'}, {in_words(tab.chosen_frames, tab.first_frame)}"
+        items: list[Item | None] = [
+            action_item(gestures, "previous_suspect", "Previous place"),
+            action_item(gestures, "flag", "Flag on or off" if tab.state.playing else flag),
+            action_item(gestures, "all_fine", f"All {len(self._suspects)} look fine"),
+            action_item(gestures, "copy_link"),
         ]
+        counts, now = kinds_of(() if self._found is None else self._found.left), tab.state.queue_kind
+        if len(counts) > 1 or now:
+            labels = {"": "All kinds"} | {
+                kind: f"{_KINDS.get(kind, kind)}: {counts[kind]}" for kind in dict.fromkeys((*counts, now)) if kind
+            }
+            items.append(None)
+            items += [
+                Item(label=label, do=partial(tab.set, queue_kind=kind), checked=kind == now)
+                for kind, label in labels.items()
+            ]
+        return items
+
+    def _approval(self) -> list[Html]:
+        tab, reviewing = self._tab, self._gestures.reviewing
+        if tab.session.project.read_only:
+            return []
+        by = reviewing.approved
+        buttons = [self._action("approve", f"Approved by {by}" if by else "Approve clip")]
+        if tab.in_list:
+            buttons.append(self._action("approve_next", "Approve and next"))
+        return [heading("Done with this clip?"), row(*buttons)]
 
     def _draw_damage(self) -> None:
         damage, plugins = self._tab.session.project.damage, tuple(fault.text for fault in faults())
@@ -258,3 +230,12 @@ class ReviewPanel:
     def _video_problem(self) -> str:
         tab = self._tab
         return tab.session.project.media.problem or tab.data.video.problem_of(tab.first_frame + tab.state.frame)
+
+
+def _heading(found: ReviewQueue) -> Html:
+    """How many entries are left, and how many were reviewed."""
+    left, reviewed = len(found.left), found.looked_at
+    if not left:
+        return heading(f"All {reviewed} reviewed" if reviewed else "Nothing suspicious", first=True)
+    title = f"{left} suspicious place{'s' if left > 1 else ''}"
+    return heading(title, f"{reviewed} of {left + reviewed} reviewed" if reviewed else "", first=True)

@@ -3,7 +3,8 @@
 from functools import partial
 
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.panels.elements.html import Board, Html, button, heading, paragraph, row
+from tcfit_app.review.panels.elements.fold import Fold
+from tcfit_app.review.panels.elements.html import Board, Html, button, paragraph, row
 from tcfit_app.review.tab.people import ReviewedPerson
 
 _MOST = 12
@@ -17,7 +18,9 @@ class WhoIsWho:
 
     def __init__(self, gestures: Gestures) -> None:
         self._gestures, self._tab = gestures, gestures.tab
-        self._board = Board(gestures.tab)
+        self._fold = Fold(gestures.tab, "people")
+        with self._fold:
+            self._board = Board(gestures.tab)
 
     def _exchange(self, other: ReviewedPerson) -> None:
         tab = self._tab
@@ -28,16 +31,17 @@ class WhoIsWho:
         """Send what changed."""
         tab = self._tab
         number = None if tab.state.playing else tab.state.frame + tab.first_frame
-        if tab.someone.others:
+        doubts = len(self._gestures.exchanging.doubts)
+        title = f"Who is who ({doubts} uncertain)" if doubts else "Who is who"
+        if self._fold.draw(title, on=bool(tab.someone.others)):
             self._board.show(*self._rows(number))
 
     def _rows(self, number: int | None) -> list[Html]:
         someone, fixed = self._tab.someone, self._tab.session.project.read_only
         exchanging = self._gestures.exchanging
         doubts = exchanging.doubts
-        rows = [heading("Who is who", f"{len(doubts)} uncertain" if doubts else "")]
-        if doubts:
-            rows.append(paragraph(f"Is this {someone.name} before and after these frames?", "dim"))
+        question = f"Is this {someone.name} before and after these frames?"
+        rows = [paragraph(question, "dim")] if doubts else []
         for i, doubt in enumerate(doubts[:_MOST]):
             first, last = doubt.span
             where = f"Frame {first}" if first == last else f"Frames {first}–{last}"

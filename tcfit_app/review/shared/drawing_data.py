@@ -1,16 +1,18 @@
 """What all browsers draw from: video frames, meshes and figures, computed once for all of them."""
 
 import logging
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float, Float32
 
 from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
+from fitting_core.camera import project as in_picture
 from fitting_core.errors import InputError
 from fitting_core.ground.level import Level, level_of
 from fitting_core.metrics import error_figures
@@ -208,6 +210,12 @@ class DrawingData:
                 self._points.clear()
             self._points[body.version] = self.meshes(body.shown).points(body.params)[0]
         return self._points[body.version]
+
+    def gaps(self, body: FrameBody, joints: Sequence[int]) -> Float[np.ndarray, "n"]:
+        """Distances in pixels of keypoints from a body in its frame, NaN for those that the body lacks."""
+        points = torch.as_tensor(self.keypoints(body)[list(joints)])
+        there = self.session.project.corrected.xy[body.frame, list(joints)]
+        return np.linalg.norm(in_picture(body.shown.camera, points).numpy() - there, axis=-1)
 
     def metrics(self, shown: Shown) -> tuple[Metric, ...] | None:
         """Figures of a run; None while they are computed."""

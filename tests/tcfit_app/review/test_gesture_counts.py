@@ -150,7 +150,7 @@ def test_a_fist_instead_of_a_flat_hand_over_twenty_frames(user: User, monkeypatc
     monkeypatch.setattr(page.gestures.shaping, "blend", 0)
     user.select_frames(2, 21)
     user.click(*review.place("right_wrist"))
-    user.press("tab", "Keypoints")
+    user.press("tab", "Correct")
     user.press("button", "Fist")
     until(lambda: np.isfinite(review.session.project.corrected.turn[2:22, FINGER_JOINTS["right"]]).all(), "the shape")
     assert user.count == 4

@@ -90,5 +90,7 @@ def test_a_page_goes_on_after_a_long_pause(demo_project: Path, browser: "Browser
 
 def _lists_an_edit_of_its_own(tab: "Page") -> bool:
     # A page that comes back gets its panels anew, maybe only now, and the first of them is open then.
-    tab.get_by_role("tab", name="Keypoints", exact=True).click()
+    tab.get_by_role("tab", name="Correct", exact=True).click()
+    if (fold := tab.get_by_role("button", name="▸ Corrections")).is_visible():
+        fold.click()
     return tab.locator("tr", has_text="marked bad").get_by_text(re.compile("^you$")).is_visible()

@@ -120,6 +120,7 @@ export const PANEL_SHEET = `
 .tcfit-panel h3 { display: flex; justify-content: space-between; gap: 8px; margin: 4px 0 5px; padding-top: 6px;
   border-top: 1px solid var(--tcfit-rule); font: 600 13px/1.4 ${FONT}; color: var(--tcfit-dim); }
 .tcfit-panel h3.tcfit-first { margin-top: 0; padding-top: 0; border-top: 0; }
+.tcfit-panel h3.tcfit-first b { color: var(--tcfit-strong); }
 .tcfit-panel h3 span { font-weight: 400; }
 .tcfit-panel p { margin: 3px 0; white-space: pre-line; overflow-wrap: anywhere; }
 .tcfit-panel p.tcfit-two-lines { height: 2.8em; overflow: hidden auto; }
@@ -176,6 +177,10 @@ export const PANEL_SHEET = `
 .tcfit-panel dt { color: var(--tcfit-dim); overflow-wrap: anywhere; } .tcfit-panel dd { margin: 0; overflow-wrap: anywhere; }
 .tcfit-panel ul { margin: 4px 0; padding-left: 14px; font-size: 13px; overflow-wrap: anywhere; }
 .tcfit-panel pre { margin: 0; font-size: 13px; line-height: 1.35; white-space: pre-wrap; overflow-wrap: anywhere; }
+.tcfit-panel button.tcfit-entry { display: block; width: 100%; height: auto; margin: 0 0 5px; padding: 5px 8px; line-height: 1.4; text-align: left; white-space: normal; }
+.tcfit-entry b, .tcfit-panel button.tcfit-entry span { display: block; padding: 0; }
+.tcfit-entry span { color: var(--tcfit-dim); }
+.tcfit-panel button.tcfit-entry[aria-current] { background: var(--tcfit-soft); }
 .tcfit-table { width: 100%; border-collapse: collapse; font: 13px/1.35 ${FONT}; font-variant-numeric: tabular-nums; }
 .tcfit-table th { padding: 2px 4px 3px; text-align: left; font-weight: 500; color: var(--tcfit-dim); white-space: nowrap; }
 .tcfit-table td { padding: 2.5px 4px; border-top: 1px solid var(--tcfit-rule); vertical-align: baseline;
@@ -192,6 +197,4 @@ export const PANEL_SHEET = `
 .tcfit-table tr.tcfit-off td { color: var(--tcfit-off); }
 .tcfit-table tr.tcfit-off td:last-child { text-decoration: line-through var(--tcfit-off); }
 .tcfit-table kbd { margin: 0; font: 13px/1 ${FONT}; color: var(--tcfit-text); white-space: nowrap; }
-.tcfit-corrected, .tcfit-pinned { color: var(--tcfit-strong); }
-.tcfit-missing { color: var(--tcfit-dim); }
 `;

@@ -376,6 +376,21 @@ def opener(content: object, command: str, value: str, do: Callable[[], object]) 
     return Html(made, {(command, value): do})
 
 
+def card(title: str, note: str, command: str, value: str, *, do: Callable[[], object], here: bool, hint: str) -> Html:
+    """A button that is an entry of a list: a sentence, and a line about it; `here`: it is the one on show."""
+    made = tag(
+        "button",
+        joined(tag("b", title), tag("span", note)),
+        type="button",
+        class_="tcfit-entry",
+        aria_current="true" if here else "",
+        data_tcfit=command,
+        data_value=value,
+        title=hint,
+    )
+    return Html(made, {(command, value): do})
+
+
 class Board:
     """A panel element that shows HTML and sends it only when it changes. Its buttons work while they are shown."""
 

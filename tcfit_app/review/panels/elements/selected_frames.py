@@ -11,16 +11,13 @@ def named(label: str, tab: Tab) -> str:
 
 
 def unseen(tab: Tab) -> list[Html]:
-    """A warning while the frame on show is not among the selected ones: then nothing is changed."""
+    """What to do while the frame on show is not among the selected ones: then nothing is changed."""
     if not tab.hidden_frames_chosen:
         return []
-    chosen = in_words(tab.chosen_frames, tab.first_frame)
+    here, chosen = tab.state.frame + tab.first_frame, in_words(tab.chosen_frames, tab.first_frame)
     return [
-        paragraph(f"Selected: {chosen}, which excludes the frame on show, so nothing is changed.", "warn"),
-        row(
-            button("Go to them", "frames.go", do=lambda: _go(tab)),
-            button("Clear frame selection", "frames.none", do=lambda: tab.set(frames=None)),
-        ),
+        paragraph(f"Frame {here} is not among the selected {chosen}.", "warn"),
+        row(button("Go there", "frames.go", do=lambda: _go(tab))),
     ]
 
 

@@ -14,7 +14,7 @@ from tcfit_app.project.edits.kinds import ClearDepth, Lock, MarkBad, Pin, SetDep
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import DragDepth
 from tcfit_app.review.gestures.edit_words import describe
-from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
+from tcfit_app.review.panels.correct.correct_panel import CorrectPanel
 from tcfit_app.review.tab.state import FitSettings, Mode
 from tcfit_app.review.tab.tab import Tab
 from tests.drivers.lone_page import LonePage
@@ -28,7 +28,7 @@ PERSPECTIVE = 0.1
 
 @pytest.fixture
 def tested(fitted_page: LonePage) -> LonePage:
-    fitted_page.only(KeypointsPanel)
+    fitted_page.only(CorrectPanel)
     fitted_page.page.tab.set(settings=FitSettings(config=QUICK, preset="paper"))
     return fitted_page
 
@@ -55,7 +55,7 @@ def test_a_limb_is_mirrored_and_the_fit_follows(tested: LonePage, tiny_body: Bod
     assert isinstance(edit, SetDepth) and (edit.frames, edit.joints) == ((4,), (ELBOW, WRIST))
     np.testing.assert_allclose(edit.depth, target[[4]], atol=PERSPECTIVE)
     assert tab.message[0].startswith("Saved: right elbow, right wrist put ") and "the pelvis" in tab.message[0]
-    assert "the pelvis</div>" in tested.html(), "beside the keypoint that is selected"
+    assert "the pelvis. The fit is" in tested.html(), "beside the keypoint that is selected"
     tested.until(lambda: not tab.session.jobs and not tab.session.edit_follower.busy)
     way, left = (abs(fit[4, [ELBOW, WRIST]] - edit.depth[0]).max() for fit in (before, depths(tested, tiny_body)))
     assert left < max(0.03, 0.3 * way)

@@ -23,7 +23,7 @@ from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Framed, Key
 from tcfit_app.review.drawing import menus
 from tcfit_app.review.drawing.status import Status
-from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
+from tcfit_app.review.panels.correct.correct_panel import CorrectPanel
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.samples.media import write_images
 from tests.samples.project_samples import CAMERA, FRAMES, sample_clip
@@ -79,7 +79,7 @@ def tested(panel_server: viser.ViserServer, tmp_path: Path, looking: Looking) ->
         Project.create(tmp_path / "walk.tcfit", clip_of(tmp_path / "images")) as project,
         lone_page(panel_server, project) as made,
     ):
-        made.only(KeypointsPanel)
+        made.only(CorrectPanel)
         yield made
 
 
@@ -112,7 +112,6 @@ def test_the_selected_frames_are_looked_at_and_what_is_found_is_one_edit(tested:
     found = project_of(tested).corrected
     assert (found.xy[1:4, LEFT_HAND] == PLACE).all() and not found.edited.any()
     assert tab.message[0].startswith("Saved: left hand detected again, frames 8–10")
-    assert "left hand detected again, frames 8–10" in tested.html()
     tested.press("action", "undo")
     assert np.array_equal(project_of(tested).clip.keypoints.xy, before.xy)
     tested.press("action", "redo")
@@ -208,8 +207,8 @@ def test_what_goes_wrong_is_told_with_what_to_do(tested: LonePage, monkeypatch: 
 def test_without_a_video_nothing_is_offered(panel_server: viser.ViserServer, tmp_path: Path, looking: Looking):
     clip = replace(clip_of(tmp_path / "images"), source=None)
     with Project.create(tmp_path / "walk.tcfit", clip) as project, lone_page(panel_server, project) as page:
-        page.only(KeypointsPanel)
-        assert "not found" not in page.html() and "Detect again" not in page.html()
+        page.only(CorrectPanel)
+        assert "video is missing" in page.html()
         with pytest.raises(InputError, match="video is missing"):
             page.page.gestures.again.look("face")
 
@@ -219,7 +218,7 @@ def test_a_project_that_cannot_be_changed_is_not_looked_at(
 ):
     Project.create(tmp_path / "walk.tcfit", clip_of(tmp_path / "images")).close()
     with Project.open(tmp_path / "walk.tcfit", read_only=True) as project, lone_page(panel_server, project) as page:
-        page.only(KeypointsPanel)
+        page.only(CorrectPanel)
         assert "Detect again" not in page.html()
         with pytest.raises(InputError, match="read-only"):
             page.page.gestures.again.look("face")
@@ -243,7 +242,7 @@ def test_the_lens_is_put_back_to_look_and_taken_away_after(
         Project.create(tmp_path / "walk.tcfit", clip_of(tmp_path / "images", LENS)) as project,
         lone_page(panel_server, project) as page,
     ):
-        page.only(KeypointsPanel)
+        page.only(CorrectPanel)
         before = project.clip.keypoints
         page.press("action", "detect_left_hand")
         page.settle()

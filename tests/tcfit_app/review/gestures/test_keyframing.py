@@ -13,9 +13,10 @@ from tcfit_app.project import project as project_module
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.kinds import MarkBad, MoveKey, MoveKeypoint, Nudge, PlaceKey, RemoveKey, SetDepth
 from tcfit_app.review.browser.page_events import Drag, DragDepth
+from tcfit_app.review.gestures.actions import ACTIONS
 from tcfit_app.review.gestures.edit_words import describe
 from tcfit_app.review.gestures.keyframing import filled, with_hands
-from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
+from tcfit_app.review.panels.correct.correct_panel import CorrectPanel
 from tcfit_app.review.shared.drawing_data import FrameBody
 from tests.drivers.lone_page import LonePage
 
@@ -24,7 +25,7 @@ WRIST, ELBOW = INDEX["left_wrist"], INDEX["left_elbow"]
 
 @pytest.fixture
 def tested(fitted_page: LonePage) -> LonePage:
-    fitted_page.only(KeypointsPanel)
+    fitted_page.only(CorrectPanel)
     return fitted_page
 
 
@@ -78,7 +79,8 @@ def test_keys_are_deleted_and_moved(tested: LonePage):
     for frame in (1, 5):
         drag(tested, frame, 20.0, WRIST)
     tab.set(selection=(WRIST, ELBOW))
-    assert not tested.button("Delete keyframe").disabled
+    delete = ACTIONS["delete_key"]
+    assert not delete.obstacle(tested.page.gestures)
     tested.page.gestures.correcting.move_key(5, 3)
     assert last_edit(tested) == MoveKey(frames=(2, 3, 4, 5), joints=(WRIST,), at=5, to=3)
     assert tab.message[0] == "Saved: left wrist keyframe moved to frame 3, frame 5; frames 2–4 follow"
@@ -86,12 +88,12 @@ def test_keys_are_deleted_and_moved(tested: LonePage):
     with pytest.raises(InputError, match="There is already a keyframe"):
         tested.page.gestures.correcting.move_key(3, 1)
     tab.seek(3)
-    tested.click("Delete keyframe")
+    tested.press("action", "delete_key")
     assert last_edit(tested) == RemoveKey(frames=(2, 3), joints=(WRIST,), at=3)
     np.testing.assert_allclose((corrected(tested).xy[:, WRIST, 0] - detected)[:6], [0, 20, 0, 0, 0, 0])
     with pytest.raises(InputError, match="has a keyframe in this frame"):
         tested.press("action", "delete_key")
-    assert tested.button("Delete keyframe").disabled
+    assert delete.obstacle(tested.page.gestures)
 
 
 def test_without_keyframes_a_drag_is_for_its_frame(tested: LonePage):

@@ -14,7 +14,7 @@ from fitting_core.body.points.positions import joints_in_space
 from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX
 from tcfit_app.project.edits.kinds import Lock
-from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
+from tcfit_app.review.panels.correct.correct_panel import CorrectPanel
 from tcfit_app.review.scene.space import Quaternion, Rings, TurnPhase
 from tests.drivers.lone_page import LonePage
 
@@ -25,7 +25,7 @@ FRAME = 3
 @pytest.fixture
 def tested(fitted_page: LonePage) -> LonePage:
     """In 3D, with an elbow selected."""
-    fitted_page.only(KeypointsPanel)
+    fitted_page.only(CorrectPanel)
     fitted_page.page.tab.set(mode="space", frame=FRAME, selection=(ELBOW,))
     return fitted_page
 

@@ -1,6 +1,5 @@
 """All panels: what they send, and when their buttons are off."""
 
-import re
 from pathlib import Path
 
 import pytest
@@ -42,7 +41,7 @@ def test_a_keypoint_has_one_name_wherever_it_is_read(tested: LonePage):
     page.tab.set(selection=joints)
     page.gestures.correcting.toggle_bad()
     assert page.tab.message[0].startswith(f"Saved: {', '.join(names)} marked bad")
-    assert all(f">{name}<" in tested.html() for name in names)
+    assert f"<b>Left wrist, {', '.join(names[1:])}</b>" in tested.html()
     assert set(names) <= set(tested.field("Keypoint").options)
     assert [SKELETON.names[joint] for joint in joints] == list(names)
 
@@ -104,17 +103,13 @@ def test_read_only_buttons_are_off(panel_server: viser.ViserServer, tmp_path: Pa
     sample_project(tmp_path / "walk.tcfit", "first").close()
     with Project.open(tmp_path / "walk.tcfit", read_only=True) as project, lone_page(panel_server, project) as tested:
         tested.page.tab.set(selection=(4,))
-        shown = tested.html()
+        assert "Opened read-only" in tested.html() and ">Mark bad<" not in tested.html()
         editable = {
             name: not tested.field(name).disabled
             for name in ("Smoothness (w_T)", "Held near (m)", "Note", "Name", "Frame")
         }
         assert editable == dict.fromkeys(editable, False) | {"Frame": True}
         assert lasting(tested.page.tab)[0].text == "Read-only: nothing can be changed"
-    assert re.search(
-        'data-value="swap_body" title="Swap left and right of the body .S.. [^"]*read-only[^"]*" disabled', shown
-    )
-    assert shown.count(" disabled") > 12
 
 
 def test_what_needs_a_fit_or_the_video_is_off_without(panel_server: viser.ViserServer, tmp_path: Path):
@@ -139,15 +134,15 @@ def test_frames_that_are_selected_elsewhere_are_not_changed(tested: LonePage):
         with pytest.raises(InputError, match=f"frames {FIRST + 1}–{FIRST + 3}, and frame {FIRST + 5} is on show"):
             tested.press("action", name)
     with pytest.raises(InputError, match="is on show"):
-        tested.press("keypoints.swap", "legs")
+        tested.press("action", "swap_legs")
     assert len(project.log) == known and not project.marks.all()
-    assert "nothing is changed" in tested.html()
+    assert f"Frame {FIRST + 5} is not among the selected frames" in tested.html()
     tested.press("frames.go")
-    assert page.tab.state.frame == 1 and "nothing is changed" not in tested.html()
+    assert page.tab.state.frame == 1 and "is not among" not in tested.html()
     tested.press("action", "bad")
     assert last_edit(page) == MarkBad(frames=(1, 2, 3), joints=(4,))
     page.tab.seek(5)
-    tested.press("frames.none")
+    page.tab.set(frames=None)
     tested.press("action", "flag")
     assert list(project.marks.all()) == [5]
 

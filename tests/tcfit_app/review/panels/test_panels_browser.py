@@ -9,7 +9,6 @@ import pytest
 from fitting_core.camera import World
 from fitting_core.config.schema import PRESETS
 from fitting_core.keypoints import INDEX
-from tcfit_app.project.edits.kinds import SetDepth
 from tcfit_app.review.panels.elements.fold import Fold
 from tcfit_app.review.panels.elements.html import Board, Item, menu_button, row
 from tcfit_app.review.tab.state import FitSettings
@@ -103,7 +102,7 @@ def test_a_menu_opens_below_its_button_and_a_fold_opens(opened: Reviewing):
 
 def test_names_of_runs_are_text(opened: Reviewing):
     opened.page.tab.do(lambda: opened.page.tab.set(selection=(4,)))
-    for name in ("Keypoints", "Review", "View"):
+    for name in ("Correct", "Review", "View"):
         opened.tab.get_by_text(name, exact=True).first.click()
         until(lambda name=name: opened.tab.locator("[role=tab][aria-selected=true]").inner_text() == name, name)
     assert opened.tab.evaluate("window.attacked") is None
@@ -115,15 +114,16 @@ def test_a_row_leads_to_its_frame(opened: Reviewing):
     opened.page.tab.do(opened.page.gestures.correcting.toggle_bad)
     until(lambda: opened.page.tab.session.project.last_edit == 1)
     opened.page.tab.do(lambda: opened.page.tab.seek(0))
-    opened.tab.get_by_text("Keypoints", exact=True).first.click()
-    opened.tab.locator("tr[data-tcfit='keypoints.visit']").first.click()
+    opened.tab.get_by_text("Correct", exact=True).first.click()
+    opened.tab.get_by_role("button", name="▸ Corrections").click()
+    opened.tab.locator("tr[data-tcfit='correct.visit']").first.click()
     until(lambda: opened.page.tab.state.frame == 3)
     opened.page.tab.do(lambda: opened.page.tab.seek(0))
     until(lambda: opened.page.tab.state.frame == 0)
-    opened.tab.locator("tr button[data-tcfit='keypoints.visit']").first.focus()
+    opened.tab.locator("tr button[data-tcfit='correct.visit']").first.focus()
     opened.tab.keyboard.press("Enter")
     until(lambda: opened.page.tab.state.frame == 3)
-    opened.tab.locator("[data-value=undo]").click()
+    opened.tab.keyboard.press("Control+z")
     until(lambda: opened.tab.locator("tr.tcfit-off").count() == 1)
 
 
@@ -215,22 +215,16 @@ def test_axes_with_a_calibrated_camera_are_shown_in_full(opened: Reviewing):
     assert opened.tab.locator(".tcfit-joined button > span").evaluate_all(_CUT) == []
 
 
-def test_selected_keypoints_and_frames_leave_the_panel_as_wide_and_its_buttons_in_place(opened: Reviewing):
+def test_selected_frames_leave_the_buttons_in_place(opened: Reviewing):
     tab, (first, second) = opened.page.tab, (INDEX["right_wrist"], INDEX["left_ankle"])
-    edit = SetDepth(frames=(0,), joints=(first, second), depth=((-0.12, 0.34),))
-    opened.app.post(lambda: tab.session.edit(edit, author="me"))
-    opened.app.post(lambda: tab.set(selection=(first, second), frame=0, frames=None))
-    opened.tab.get_by_role("tab", name="Keypoints", exact=True).click()
-    opened.tab.get_by_text("in front of the pelvis").wait_for()
-    ends = "(table) => [table, table.closest('.tcfit-panel')].map((box) => box.getBoundingClientRect().right)"
-    table, panel = opened.tab.locator(".tcfit-table", has_text="in front of the pelvis").evaluate(ends)
-    assert table <= panel
+    opened.app.post(lambda: tab.set(selection=(first, second), frame=0, frames=range(0, 2)))
+    opened.tab.get_by_role("tab", name="Correct", exact=True).click()
+    opened.tab.get_by_text("frames 7–8").first.wait_for()
     bad, reset = (opened.tab.locator(f"[data-tcfit=action][data-value={name}]") for name in ("bad", "reset"))
     before = bad.bounding_box(), reset.bounding_box()
-    for frames in (range(0, 3), range(2, 5)):
-        opened.app.post(lambda frames=frames: tab.set(frames=frames))
-        opened.tab.get_by_text(f"apply to frames {7 + frames[0]}–{7 + frames[-1]}").first.wait_for()
-        assert (bad.bounding_box(), reset.bounding_box()) == before
+    opened.app.post(lambda: tab.set(frames=range(0, 3)))
+    opened.tab.get_by_text("frames 7–9").first.wait_for()
+    assert (bad.bounding_box(), reset.bounding_box()) == before
     opened.app.post(lambda: tab.set(frames=None, selection=()))
 
 

@@ -1,4 +1,4 @@
-"""The panel Keypoints: corrections and their history."""
+"""The panel Correct: what acts on the selection, corrections and their history."""
 
 import time
 
@@ -9,6 +9,7 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX
 from tcfit_app.project.edits.kinds import CopyFrom, MarkBad, Restore, SwapSides
 from tcfit_app.review.browser.page_events import Drag
+from tcfit_app.review.panels.correct.correct_panel import CorrectPanel
 from tests.drivers.lone_page import LonePage
 from tests.tcfit_app.review.panels.conftest import last_edit
 
@@ -47,23 +48,23 @@ def test_keypoints_under_the_pointer_are_left_alone_by_keys(tested: LonePage):
 def test_correcting_buttons_and_where_they_apply(tested: LonePage):
     page = tested.page
     page.tab.seek(2)
-    assert f"apply to frame {FIRST + 2}<" in tested.html()
+    assert f"<b>Nothing selected</b><span>frame {FIRST + 2}<" in tested.html()
     page.tab.set(frames=range(1, 4), selection=(4,))
-    assert f"apply to frames {FIRST + 1}–{FIRST + 3}<" in tested.html()
+    assert f"<b>Right wrist</b><span>frames {FIRST + 1}–{FIRST + 3}<" in tested.html()
     tested.press("action", "bad")
     assert last_edit(page) == MarkBad(frames=(1, 2, 3), joints=(4,))
     assert ">Restore</span><kbd>X</kbd>" in tested.html()
-    assert f"apply to frames {FIRST + 1}–{FIRST + 3}" in tested.html()
     page.tab.set(frames=None)
     assert ">Restore</span><kbd>X</kbd>" in tested.html()
     page.tab.set(frames=range(1, 4))
-    tested.press("keypoints.group", "left_hand")
+    tested.press("action", "select_left_hand")
+    assert "<b>Left hand</b>" in tested.html()
     tested.press("action", "bad")
     assert last_edit(page) == MarkBad(frames=(1, 2, 3), joints=tuple(range(25, 46)))
     tested.press("action", "bad")
     assert last_edit(page) == Restore(frames=(1, 2, 3), joints=tuple(range(25, 46)))
     page.tab.set(selection=(4,))
-    tested.press("keypoints.swap", "arms")
+    tested.press("action", "swap_arms")
     assert isinstance(last_edit(page), SwapSides)
 
 
@@ -81,7 +82,7 @@ def test_what_is_nowhere_is_not_copied_or_moved(tested: LonePage):
     missing = int(np.flatnonzero(page.tab.session.project.detections.confidence[1] == 0)[0])
     page.tab.seek(1)
     page.tab.set(selection=(missing,))
-    assert "missing" in tested.html()
+    assert "Not detected." in tested.html()
     correcting = page.gestures.correcting
     with pytest.raises(InputError, match=f"none of the selected keypoints exists in frame {FIRST + 1}"):
         correcting.nudge(1.0, 0.0)
@@ -112,18 +113,18 @@ def test_a_moved_keypoint_says_where_it_was(tested: LonePage):
     before = page.tab.session.project.corrected.xy[0, joint].copy()
     tested.press("action", "nudge_right")
     shown = tested.html()
-    assert "corrected" in shown and f"was {before[0]:.1f}, {before[1]:.1f}" in shown
+    assert "Corrected by you." in shown and f"detected at {before[0]:.1f}, {before[1]:.1f} px" in shown
 
 
 def test_selecting_by_name(tested: LonePage):
     tested.draw()
     tested.enter("Keypoint", "right wrist")
     assert tested.page.tab.state.selection == (INDEX["right_wrist"],)
-    tested.press("keypoints.group", "face")
-    assert tested.page.tab.state.selection == tuple(range(67, 137))
     tested.draw()
-    assert tested.field("Keypoint").value == "Select by name"
-    assert "70 keypoints selected" in tested.html()
+    assert not tested.field("Keypoint").visible, "another one is selected in the picture"
+    tested.page.tab.set(selection=())
+    tested.draw()
+    assert tested.field("Keypoint").visible and tested.field("Keypoint").value == "Find by name"
 
 
 def test_an_undo_of_an_edit_of_someone_else_asks_first(tested: LonePage):
@@ -155,10 +156,8 @@ def test_an_undo_of_an_edit_of_someone_else_asks_first(tested: LonePage):
 
 def test_history(tested: LonePage):
     page = tested.page
-    page.tab.set(selection=(4,))
-    assert "Nothing to undo" in tested.html()
+    page.tab.set(selection=(4,), folds={"corrections"})
     tested.press("action", "bad")
-    assert f"Undo: right wrist marked bad, frame {FIRST}<" in tested.html()
     tested.press("action", "undo")
     assert page.tab.message[0] == f"Undone: right wrist marked bad, frame {FIRST}"
     tested.press("action", "redo")
@@ -167,10 +166,42 @@ def test_history(tested: LonePage):
     tested.press("action", "undo")
     assert page.tab.message[0].endswith("(made in another browser)")
     shown = tested.html()
-    assert "Nothing to undo" in shown and f"Redo: right wrist marked bad, frame {FIRST}<" in shown
     assert 'class="tcfit-off"' in shown
     page.tab.seek(5)
-    tested.press("keypoints.visit", str(page.tab.session.project.log[0].id))
+    tested.press("correct.visit", str(page.tab.session.project.log[0].id))
     assert page.tab.state.frame == 0 and page.tab.state.selection == (4,) and not page.tab.state.suggested
-    tested.press("keypoints.follow")
+    tested.press("correct.follow")
     assert not page.tab.session.edit_follower.after_edits
+
+
+@pytest.mark.parametrize(("names", "frames", "count"), [
+    ((), None, 4),
+    (("right_elbow",), None, 8),
+    (("right_wrist",), None, 12),
+    (("left_thumb4",), range(3), 12),
+    (("nose", "left_ankle"), range(3), 8),
+    (("right_wrist",), range(3, 5), 4),
+])  # fmt: skip
+def test_what_is_on_show_acts_on_what_is_selected(
+    tested: LonePage, names: tuple[str, ...], frames: range | None, count: int
+):
+    tested.panels = []
+    before = tested.html().count("<button")  # other panels have some from the start
+    tested.only(CorrectPanel)
+    tested.page.tab.set(selection=tuple(INDEX[name] for name in names), frames=frames)
+    shown = tested.html()
+    assert shown.count("<button") - before + tested.field("Keypoint").visible == count <= 12
+    assert ("Hand shape" in shown) == (count == 12) and ("Depth, pin, lock" in shown) == (count > 4)
+    assert ("Go there" in shown) == (frames == range(3, 5))
+
+
+def test_several_are_counted_by_their_state(tested: LonePage):
+    tab = tested.page.tab
+    there = np.flatnonzero(tab.session.project.detections.confidence[:3].all(0))[:2].tolist()
+    tab.set(selection=tuple(there))
+    tested.press("action", "bad")
+    assert "Both keypoints marked bad." in tested.html()
+    tab.set(frames=range(3))
+    assert "4 detected, 2 marked bad, of 6 keypoints." in tested.html()
+    tab.set(selection=(there[0],))
+    assert "2 detected, 1 marked bad, of 3 frames." in tested.html()

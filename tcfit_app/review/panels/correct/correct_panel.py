@@ -1,0 +1,182 @@
+"""The Correct panel: what can be done with the selected keypoints, and the corrections made."""
+
+from functools import partial
+from typing import ClassVar
+
+import viser
+
+from fitting_core.keypoints import COUNT, PARTS
+from tcfit_app.analysis.body_regions import full_name
+from tcfit_app.project.edits.keyframes import LONGEST_GAP
+from tcfit_app.project.frame_words import in_words
+from tcfit_app.review.gestures.actions import Gestures, refusal
+from tcfit_app.review.gestures.correcting_depth import limbs_of
+from tcfit_app.review.gestures.edit_words import keypoints_in_words, part_name
+from tcfit_app.review.panels.correct.hand_shapes import HandShapes
+from tcfit_app.review.panels.correct.history import history
+from tcfit_app.review.panels.correct.selection import figures, sentence, states
+from tcfit_app.review.panels.elements.field import Dropdown
+from tcfit_app.review.panels.elements.fold import Fold
+from tcfit_app.review.panels.elements.html import (
+    Board,
+    Html,
+    action,
+    action_item,
+    button,
+    heading,
+    menu_button,
+    paragraph,
+    progress_bar,
+    row,
+)
+from tcfit_app.review.panels.elements.selected_frames import unseen
+
+_BY_NAME = "Find by name"
+_HOW = "Click a keypoint and drag it: the fit follows. Shift-drag draws a rectangle."
+_JOINTS = {full_name(joint): joint for joint in range(COUNT)}
+"""Keypoints by their names in the dropdown."""
+assert len(_JOINTS) == COUNT
+_KEYFRAMES = f"Between two frames at most {LONGEST_GAP} apart in which a keypoint was moved, it is interpolated"
+_FOLLOW = "After an edit, its frame and the frames around it are refitted"
+
+
+class CorrectPanel:
+    """What acts on the selection, and the history."""
+
+    title: ClassVar[str] = "Correct"
+    icon: ClassVar[viser.IconName] = viser.Icon.PENCIL
+
+    def __init__(self, gestures: Gestures) -> None:
+        self._gestures, self._action = gestures, partial(action, gestures)
+        self._tab = tab = gestures.tab
+        gui = tab.client.gui
+        self._head = Board(tab)
+        names = gui.add_dropdown("Keypoint", (_BY_NAME, *_JOINTS), hint="Type a part of the name to find it")
+        self._name = Dropdown(tab, names, self._select, lambda: _BY_NAME, when=lambda: not tab.state.selection)
+        self._buttons = Board(tab)
+        self._shapes = HandShapes(gestures)
+        self._depth_fold = Fold(tab, "depth")
+        with self._depth_fold:
+            self._depth = Board(tab)
+        self._always = Board(tab)
+        self._corrections_fold = Fold(tab, "corrections")
+        with self._corrections_fold:
+            self._corrections = Board(tab)
+
+    def _select(self, name: str) -> None:
+        if name in _JOINTS:
+            self._tab.set(selection=(_JOINTS[name],))
+
+    def draw(self) -> None:
+        """Update from the tab's state."""
+        tab, project = self._tab, self._tab.session.project
+        writable = not project.read_only and project.has_detections
+        able = bool(tab.state.selection) and writable and not tab.hidden_frames_chosen
+        fitted = able and tab.shown.b is not None
+        self._head.show(*self._heading())
+        self._name.draw()
+        self._buttons.show(*self._of_keypoints() if able else [])
+        self._shapes.draw(on=fitted and not refusal(self._gestures.shaping.side))
+        if self._depth_fold.draw("Depth, pin, lock", on=fitted):
+            self._depth.show(*self._in_depth())
+        self._always.show(*self._of_frames() if writable else [])
+        done = project.standing.counted(project.last_edit)
+        if self._corrections_fold.draw(f"Corrections ({done})"):
+            self._corrections.show(*self._history())
+
+    def _heading(self) -> list[Html]:
+        """What is selected, in which frames, and its state."""
+        tab, selection = self._tab, self._tab.state.selection
+        project = tab.session.project
+        parts = [*self._compared()]
+        moving = tab.state.playing and tab.state.frames is None  # otherwise it would change with each frame
+        frames = "the frame on show" if moving else in_words(tab.chosen_frames, tab.first_frame)
+        if not project.has_detections:
+            parts += [heading("No keypoints yet", first=True), paragraph("Find or import them in the panel Start.")]
+        elif not selection:
+            parts += [heading("Nothing selected", frames, first=True), paragraph(_HOW, "dim")]
+        else:
+            what = keypoints_in_words(selection)
+            parts.append(heading(f"{what[0].upper()}{what[1:]}", frames, first=True))
+            if not moving:
+                parts += [paragraph(sentence(tab)), *figures(tab)]
+        parts += unseen(tab)
+        if project.read_only:
+            parts.append(paragraph("Opened read-only: nothing can be changed.", "warn"))
+        elif project.has_detections and not tab.session.fits.showable():
+            to_fit = button("Go to Fit", "correct.fit", do=lambda: tab.show_panel("Fit"))
+            parts += [paragraph("There is no fit yet."), row(to_fit)]
+        return parts
+
+    def _compared(self) -> list[Html]:
+        """Which of two fits is corrected."""
+        tab = self._tab
+        if tab.state.mode != "ab" or tab.shown.b is None:
+            return []
+        return [paragraph(f"Corrections go to {tab.shown.b.run.name}.", "dim")]
+
+    def _of_keypoints(self) -> list[Html]:
+        act, gestures = self._action, self._gestures
+        more = (
+            action_item(gestures, "copy", "Copy from the previous frame"),
+            action_item(gestures, "delete_key", "Delete keyframe"),
+            None,
+            action_item(gestures, "keyframes", "Keyframes"),
+            action_item(gestures, "hand_along", "Hand follows its wrist"),
+        )
+        bad = [*states(self._tab)] == ["marked bad"]
+        return [
+            row(act("bad", "Restore" if bad else "Mark bad"), act("reset", "Reset")),
+            row(act("interpolate"), menu_button("More ▾", "correct.more", more)),
+        ]
+
+    def _in_depth(self) -> list[Html]:
+        """What acts on the selection in depth, as far as it can."""
+        act, gestures = self._action, self._gestures
+        limb = not refusal(limbs_of, self._tab.state.selection)
+        lockable = not refusal(gestures.depth.lockable)
+        return [
+            *([row(act("mirror_depth"), act("in_front", "In front"), act("behind", "Behind"))] if limb else []),
+            *([row(act("clear_depth"))] if limb else []),
+            row(act("pin", "Pin in space")),
+            *([row(act("lock", "Lock rotation"), act("unlock", "Unlock"))] if lockable else []),
+        ]
+
+    def _of_frames(self) -> list[Html]:
+        """What acts on frames, whatever is selected."""
+        gestures, again = self._gestures, self._gestures.again
+        swaps = (
+            action_item(gestures, "swap_body", "Body"),
+            action_item(gestures, "swap_arms", "Arms"),
+            action_item(gestures, "swap_legs", "Legs"),
+            action_item(gestures, "swap_hands", "Hands"),
+        )
+        swap = menu_button("Swap left and right ▾", "correct.swap", swaps)
+        if again.busy and (going := again.going) is not None:
+            words = going.title if going.stopping else f"{going.title}: {going.text}"
+            stop = self._action("cancel_detecting", "Cancel", disabled=going.stopping, kind="danger")
+            return [paragraph(words), progress_bar(going.share or 0.0), row(stop, swap)]
+        names = {part: part_name(part).capitalize() for part in PARTS}
+        detect = (
+            *(action_item(gestures, f"detect_{part}", name) for part, name in names.items()),
+            None,
+            *(action_item(gestures, f"frame_{part}", f"{name} in a rectangle") for part, name in names.items()),
+        )
+        return [row(menu_button("Detect again ▾", "correct.detect", detect), swap)]
+
+    def _history(self) -> list[Html]:
+        tab, project = self._tab, self._tab.session.project
+        follow = button(
+            "Fit follows edits",
+            "correct.follow",
+            do=self._follow_or_not,
+            pressed=tab.session.edit_follower.after_edits,
+            disabled=project.read_only,
+            hint=_FOLLOW,
+        )
+        key = project.keypoints_version, project.marks_version, tab.author
+        return [row(follow), tab.once("history", key, lambda: history(tab))]
+
+    def _follow_or_not(self) -> None:
+        follower = self._tab.session.edit_follower
+        follower.after_edits = not follower.after_edits
