@@ -3,8 +3,9 @@
 import os
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 
@@ -58,15 +59,31 @@ def write_video(tmp_path: Path) -> Callable[..., Path]:
 
 
 def encode(
-    path: Path, count: int, codec: str, *, size: tuple[int, int] = (64, 48), pixels: str = "yuv420p", **options: str
+    path: Path,
+    count: int,
+    codec: str,
+    *,
+    size: tuple[int, int] = (64, 48),
+    pixels: str = "yuv420p",
+    times: Sequence[int] | None = None,
+    pixel_aspect: Fraction | None = None,
+    **options: str,
 ) -> None:
-    """A video of painted frames, 25 per second, by one of FFmpeg's encoders; an MP4's index stands before them."""
+    """A video of painted frames, 25 per second or at these milliseconds, by one of FFmpeg's encoders; an MP4's index
+    stands before them."""
     with av.open(path, "w", options={"movflags": "+faststart"}) as container:
         stream = container.add_stream(codec, rate=25, options=options)
         assert isinstance(stream, VideoStream)
         stream.width, stream.height, stream.pix_fmt = *size, pixels
+        if times:
+            stream.codec_context.time_base = Fraction(1, 1000)
+        if pixel_aspect:
+            stream.codec_context.sample_aspect_ratio = pixel_aspect
         for index in range(count):
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(painted(index, size), format="rgb24")))
+            frame = av.VideoFrame.from_ndarray(painted(index, size), format="rgb24")
+            if times:
+                frame.pts, frame.time_base = times[index], Fraction(1, 1000)
+            container.mux(stream.encode(frame))
         container.mux(stream.encode())
 
 
@@ -129,33 +146,10 @@ def test_times_that_are_not_the_frames(write_video, monkeypatch, times):
         assert [shown(frames.frame(index)) for index in order] == order
 
 
-def blocks(mkv: bytes | bytearray) -> list[int]:
-    """Where the frames of a video in Matroska start: track, time since the cluster's (int16), flags, packet."""
-    starts, cluster = [], mkv.index(b"\x1f\x43\xb6\x75")
-    position = cluster + 4 + 9 - mkv[cluster + 4].bit_length()
-    while position < len(mkv) and mkv[position] in (0xBF, 0xE7, 0xA3, 0xAB):
-        length_bytes = 9 - mkv[position + 1].bit_length()
-        start = position + 1 + length_bytes
-        length = int.from_bytes(mkv[position + 1 : start], "big") & ((1 << 7 * length_bytes) - 1)
-        if mkv[position] == 0xA3:
-            starts.append(start)
-        position = start + length
-    return starts
-
-
-def at_variable_rate(mkv: bytes) -> bytes:
-    """The video of 30 frames in Matroska with 10 at 25 per second and 20 at 5, and the length that goes with it."""
-    result, starts = bytearray(mkv), blocks(mkv)
-    assert len(starts) == 30
-    for index, start in enumerate(starts):
-        struct.pack_into(">h", result, start + 1, 40 * min(index, 10) + 200 * max(index - 10, 0))
-    struct.pack_into(">d", result, mkv.index(b"\x44\x89\x88") + 3, 4400.0)
-    return bytes(result)
-
-
-def test_the_rate_of_uneven_frames_is_that_of_their_times(write_video):
-    file = write_video(30, "phone.mkv", "mp4v")
-    file.write_bytes(at_variable_rate(file.read_bytes()))
+def test_the_rate_of_uneven_frames_is_that_of_their_times(tmp_path):
+    """10 frames at 25 per second and 20 at 5, though the header says 25."""
+    file = tmp_path / "phone.mkv"
+    encode(file, 30, "libx264", bf="0", crf="5", times=[40 * min(k, 10) + 200 * max(k - 10, 0) for k in range(30)])
     with FrameSource(file) as frames:
         assert (frames.uneven, frames.declared_frame_rate) == (True, 25.0)
         assert frames.frame_rate == pytest.approx(29 / 4.2, rel=1e-6)
@@ -323,19 +317,6 @@ def test_a_video_stands_upright(write_video):
         assert frames.frame(4).shape == (64, 48, 3)
 
 
-def _with_pixels(file: Path, width: int, height: int) -> None:
-    """Writes a box "pasp" into an MP4's track: the shape of a pixel (ISO/IEC 14496-12, section 12.1.4)."""
-    content = bytearray(file.read_bytes())
-    entry = content.index(b"mp4v", content.index(b"stsd")) - 4
-    box = struct.pack(">I4sII", 16, b"pasp", width, height)
-    (length,) = struct.unpack_from(">I", content, entry)
-    content[entry + length : entry + length] = box
-    for name in (b"moov", b"trak", b"mdia", b"minf", b"stbl", b"stsd", b"mp4v"):
-        at = content.index(name, content.index(b"moov")) - 4
-        struct.pack_into(">I", content, at, struct.unpack_from(">I", content, at)[0] + len(box))
-    file.write_bytes(content)
-
-
 def _turned(file: Path) -> None:
     content = bytearray(file.read_bytes())
     matrix = content.index(b"tkhd") + 4 + 40
@@ -344,11 +325,11 @@ def _turned(file: Path) -> None:
     file.write_bytes(content)
 
 
-def test_pixels_that_are_not_square_are_told(write_video):
+def test_pixels_that_are_not_square_are_told(tmp_path, write_video):
     with FrameSource(write_video(3, "square.mp4", "mp4v")) as frames:
         assert frames.pixel_aspect == 1
-    wide = write_video(3, "wide.mp4", "mp4v")
-    _with_pixels(wide, 16, 11)
+    wide = tmp_path / "wide.mp4"
+    encode(wide, 3, "mpeg4", pixel_aspect=Fraction(16, 11))
     with FrameSource(wide) as frames:
         assert frames.pixel_aspect == pytest.approx(16 / 11) and frames.size == (64, 48), "as they are stored"
     _turned(wide)
