@@ -110,7 +110,7 @@ def test_bodies_are_symmetric(body: Arrays) -> None:
 @pytest.mark.parametrize("gender", ["neutral", *(pytest.param(g, marks=pytest.mark.thorough) for g in GENDERS[1:])])
 def test_joints_are_inside_people_of_all_builds(gender: str) -> None:
     body = load(gender)
-    for column, value, count in [(0, 0.0, len(JOINTS)), (0, -2.0, 25), (3, -2.0, 25)]:
+    for column, value, count in [(0, 0.0, len(JOINTS)), (3, -2.0, 25)]:
         vertices = shaped(body, column, value)
         joints = (body["J_regressor"] @ vertices)[:count]
         outside = np.flatnonzero(winding_number(joints, vertices, body["f"]) < 0.5)
