@@ -25,6 +25,8 @@ from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.errors import InputError
 from fitting_core.shipped import FREE_FOLDER
 
+pytestmark = pytest.mark.thorough
+
 _OURS = [("thumb", "index", "middle", "ring", "pinky").index(finger) for finger in FINGERS]
 
 

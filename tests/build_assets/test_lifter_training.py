@@ -22,6 +22,8 @@ from fitting_core.lifting.network import FRAMES, RATE, LifterSize
 from fitting_core.lifting.weights import read_lifter
 from tests.build_assets.captured import DEEPMIMIC_NUMBERS, deepmimic_frames, write_deepmimic
 
+pytestmark = pytest.mark.thorough
+
 SMALL = LifterSize(width=24, layers=1, heads=2)
 KNEE = DEEPMIMIC_NUMBERS["left_knee"][0]
 

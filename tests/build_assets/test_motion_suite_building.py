@@ -13,6 +13,8 @@ from build_assets.motion_suite import Options, at_rest, main, picked
 from evaluation.synthetic.motion_suite.windows import FRAME_RATE, read_windows, shipped_windows
 from fitting_core.errors import InputError
 
+pytestmark = pytest.mark.thorough
+
 
 def clip(frames: int = 130, fps: float = 60.0) -> MotionClip:
     """Somebody who walks along +x without moving a joint, turned to there."""

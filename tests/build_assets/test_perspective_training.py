@@ -17,6 +17,8 @@ from fitting_core.lifting.perspective import read_perspective
 from tests.build_assets.captured import deepmimic_frames, write_deepmimic
 from tests.build_assets.test_lifter_training import KNEE, swinging
 
+pytestmark = pytest.mark.thorough
+
 
 def studio(free_body: BodyModel, shots: Shots = SHOTS) -> Studio:
     figure, rng = Figure.of(free_body), np.random.default_rng(0)

@@ -23,6 +23,8 @@ from fitting_core.priors.files.network import read_prior_network
 from fitting_core.priors.latent import LatentPrior
 from tests.build_assets.captured import cmu_channels, write_cmu
 
+pytestmark = pytest.mark.thorough
+
 INWARD = tuple(Rotation.from_euler("ZX", [-80, 90], degrees=True).as_rotvec(degrees=True))
 """A hanging left arm, turned so that a bent elbow takes the forearm to the right."""
 SMALL = NetworkSize(encoder=16, decoder=16)

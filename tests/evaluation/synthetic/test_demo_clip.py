@@ -25,6 +25,8 @@ from fitting_core.keypoints import INDEX, LEFT_HAND, RIGHT_HAND, Keypoints
 from fitting_core.render.renderer import scaled_camera
 from fitting_core.shipped import FREE_FOLDER
 
+pytestmark = pytest.mark.thorough
+
 RATE = 4.0
 SMALL = scaled_camera(CAMERA, 0.5)
 

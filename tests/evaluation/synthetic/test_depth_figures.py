@@ -17,6 +17,8 @@ from evaluation.synthetic.motion_suite.depth_figures import (
 from fitting_core.body.model import JOINT
 from fitting_core.keypoints import COUNT
 
+pytestmark = pytest.mark.thorough
+
 
 @pytest.fixture(scope="module")
 def made() -> MotionClipMade:

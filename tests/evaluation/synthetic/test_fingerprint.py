@@ -8,6 +8,8 @@ import pytest
 from evaluation.synthetic.fingerprint import fingerprint
 from tests.test_import_graph import MODULES, ROOT, graph, reached
 
+pytestmark = pytest.mark.thorough
+
 
 @pytest.fixture(scope="module")
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:

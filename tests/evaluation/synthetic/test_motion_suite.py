@@ -28,6 +28,8 @@ from fitting_core.body.points.positions import joints_in_space, keypoints_in_spa
 from fitting_core.errors import InputError
 from fitting_core.keypoints import BODY, COUNT, INDEX
 
+pytestmark = pytest.mark.thorough
+
 AVERAGE = (0.0,) * 10
 RATE = 30.0
 

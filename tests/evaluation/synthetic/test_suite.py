@@ -26,6 +26,8 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT
 from fitting_core.keypoints import INDEX
 
+pytestmark = pytest.mark.thorough
+
 COMPLEX, SIMPLE = SEQUENCES["complex_1"], SEQUENCES["simple_1"]
 
 

@@ -107,6 +107,7 @@ sys.exit(main(sys.argv[2:]))
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent as a signal of POSIX")
 def test_ctrl_c_keeps_what_was_found_and_the_same_command_goes_on(
     video: Path, model: Path, tmp_path: Path, keypoint_store: Path, capsys: pytest.CaptureFixture[str]

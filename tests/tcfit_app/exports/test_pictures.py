@@ -79,6 +79,7 @@ def test_frames_start_at_the_first_fitted_one_and_a_broken_one_is_grey(
     assert levels == [96 if i == 4 else 5 * i for i in range(3, FRAMES + 3)]
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("off_screen_gl")
 def test_video_over_a_plain_background(clip: Clip, free_body: BodyModel, tmp_path: Path):
     write_comparison(tmp_path / "overlay.mp4", _fit(_phase(1, 4.0), _phase(3, 4.0)), clip, free_body)

@@ -180,7 +180,7 @@ def depth(body: BodyModel, params: BodyParams, *keypoints: int, frame: int = FRA
     return points - joints_in_space(body, params)[frame, 0, 2]
 
 
-@pytest.mark.parametrize("preset", ["tcfit", "paper"])
+@pytest.mark.parametrize("preset", ["tcfit", pytest.param("paper", marks=pytest.mark.thorough)])
 def test_a_drag_in_depth_is_followed_and_ends_as_a_rerun(clip: Clip, body: BodyModel, params: BodyParams, preset: str):
     config = CONFIG if preset == "tcfit" else replace(PRESETS[preset], pose_prior="relaxed", settings=CONFIG.settings)
     c = correction(clip, body, params, WRIST, ELBOW, config=config, in_depth=True)
