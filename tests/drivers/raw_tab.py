@@ -2,10 +2,11 @@
 
 import http.client
 import re
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,6 +47,15 @@ def admitted(link: str) -> str:
     answer = fetched(link)
     assert answer.status == 200, answer.status
     return answer.headers["Set-Cookie"].partition(";")[0]
+
+
+def received(client: socket.socket) -> bytes:
+    """All that comes until the other end hangs up."""
+    found = b""
+    with suppress(ConnectionResetError):
+        while part := client.recv(65536):
+            found += part
+    return found
 
 
 def websocket(address: str, cookie: str, *, version: str = viser.__version__, path: str = "") -> ClientConnection:

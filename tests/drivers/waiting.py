@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 
-def until(condition: Callable[[], Any], what: str = "", *, seconds: float = 60.0) -> Any:
+def until(condition: Callable[[], Any], what: str = "", *, seconds: float = 120.0) -> Any:
     """Wait for something to be so; what it is."""
     end = time.monotonic() + seconds
     while not (found := condition()):

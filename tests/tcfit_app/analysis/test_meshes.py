@@ -81,34 +81,20 @@ def test_only_what_has_changed_is_evaluated(params: BodyParams, frames: list[int
     assert not before.flags.writeable
 
 
-def test_the_nearest_of_what_is_known_is_taken(params: BodyParams):
-    count = Counting()
-    known = FrameByFrame(count)
-    far = moved(params, list(range(10)))
-    for value in (params, far, moved(far, [11])):
-        known(value)
-    assert count.asked == [12, 10, 1]
-    assert known(far) is known(far)
-    assert count.asked == [12, 10, 1]
-
-
-def test_other_lengths_and_other_hands_are_others(params: BodyParams):
-    count = Counting()
-    known = FrameByFrame(count)
-    known(params)
-    known(params[2:5])
+def test_no_more_is_evaluated_than_has_changed(params: BodyParams):
+    """Since the nearest of what is known; other lengths and hands are others, and what is no number is never known."""
+    far, broken = moved(params, list(range(10))), moved(params, [5], float("nan"))
     wide = torch.zeros(12, 45, dtype=torch.float64)
-    known(replace(params, left_hand_pose=wide, right_hand_pose=wide))
-    assert count.asked == [12, 3, 12]
-
-
-def test_what_is_no_number_is_evaluated_again(params: BodyParams):
-    count = Counting()
-    known = FrameByFrame(count)
-    broken = moved(params, [5], float("nan"))
-    known(broken)
-    known(moved(broken, []))
-    assert count.asked == [12, 1]
+    for values, asked in (
+        ((params, far, moved(far, [11]), far), [12, 10, 1]),
+        ((params, params[2:5], replace(params, left_hand_pose=wide, right_hand_pose=wide)), [12, 3, 12]),
+        ((broken, moved(broken, [])), [12, 1]),
+    ):
+        count = Counting()
+        known = FrameByFrame(count)
+        for value in values:
+            known(value)
+        assert count.asked == asked
 
 
 def test_joints_and_keypoints_of_a_corrected_fit(tiny_body: BodyModel, params: BodyParams):

@@ -16,7 +16,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from tcfit_app.server import gated_viser
 from tcfit_app.server.serving import ReviewServer, review_server
 from tests.drivers.processes import ended, needs_fork, start
-from tests.drivers.raw_tab import PATIENCE, admitted, fetched, websocket
+from tests.drivers.raw_tab import PATIENCE, admitted, fetched, received, websocket
 
 pytestmark = pytest.mark.thorough
 
@@ -33,17 +33,6 @@ def serving() -> AbstractContextManager[ReviewServer]:
 def connected(address: str) -> socket.socket:
     host, port = address.removeprefix("http://").split(":")
     return socket.create_connection((host, int(port)), timeout=PATIENCE)
-
-
-def received(client: socket.socket) -> bytes:
-    """All that comes until the other end hangs up."""
-    found = b""
-    try:
-        while part := client.recv(65536):
-            found += part
-    except ConnectionResetError:
-        pass
-    return found
 
 
 def loud(records: list[logging.LogRecord]) -> list[str]:

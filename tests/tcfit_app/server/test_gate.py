@@ -26,7 +26,7 @@ from tcfit_app.server import gated_viser
 from tcfit_app.server.address import Address, listen
 from tcfit_app.server.gate import PROTECTION, Entry
 from tcfit_app.server.serving import ReviewServer, browser_at_hand, review_server
-from tests.drivers.raw_tab import Answer, admitted, fetched
+from tests.drivers.raw_tab import Answer, admitted, fetched, received
 from tests.drivers.waiting import until
 
 if TYPE_CHECKING:
@@ -94,13 +94,7 @@ def raw(server: ReviewServer, request: bytes) -> bytes:
     """All that the server answers to these bytes until it hangs up."""
     with socket.create_connection(("127.0.0.1", server.address.port), timeout=20) as client:
         client.sendall(request)
-        received = b""
-        try:
-            while part := client.recv(65536):
-                received += part
-        except ConnectionResetError:
-            pass
-    return received
+        return received(client)
 
 
 def handshake(*, host: str = "127.0.0.1", origin: str = "http://127.0.0.1", cookie: str = "") -> bytes:
