@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import torch
@@ -11,7 +12,7 @@ from fitting_core.body.geometry import SIDES, Side
 from fitting_core.body.model import JOINT, N_JOINTS
 from fitting_core.errors import InputError
 from fitting_core.fit.terms.temporal import off_mean
-from fitting_core.keypoints import ERROR_GROUPS
+from fitting_core.keypoints import COUNT, GROUPS, INDEX
 from fitting_core.measure.angles.joint_angles import joint_angle
 from fitting_core.measure.hands.phases import wrist_speed
 from fitting_core.results.error_bars import ANGLES
@@ -40,6 +41,8 @@ class CurveKind:
     """How a curve is computed."""
 
     title: str
+    group: Literal["Errors", "Motion", "Height and depth", "Joint angles"]
+    """Its place in menus."""
     unit: str
     values: Callable[[PosedFit], Float[np.ndarray, "T"]]
     """A frame's value may depend on its neighbours, and on no other frames."""
@@ -72,9 +75,9 @@ def weighted_mean(values: Float[np.ndarray, "T K"], weights: Float[np.ndarray, "
     return np.where(total > 0, mean, np.nan)
 
 
-def _reprojection(*groups: str) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
+def _reprojection(*groups: slice) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
     """The mean in the worst region: over all keypoints, an arm that is off would not show."""
-    judged = {joint for group in groups for joint in ERROR_GROUPS[group]}
+    judged = {joint for group in groups for joint in range(COUNT)[group]} - {INDEX["neck"]}  # see ERROR_GROUPS
     regions = [own for joints in REGIONS.values() if (own := [joint for joint in joints if joint in judged])]
 
     def worst(fit: PosedFit) -> Float[np.ndarray, "T"]:
@@ -140,29 +143,50 @@ _HEIGHTS = {"pelvis": "pelvis"} | {
 """Joints with a curve of their height, and what moves them."""
 
 CURVES: dict[str, CurveKind] = {
-    "reprojection": CurveKind(title="Reprojection error", unit="px", values=_reprojection(*ERROR_GROUPS)),
+    "reprojection": CurveKind(
+        title="Reprojection error", group="Errors", unit="px", values=_reprojection(*GROUPS.values())
+    ),
     **{
-        f"reprojection_{name}": CurveKind(title=f"Reprojection error, {name}", unit="px", values=_reprojection(name))
-        for name in ERROR_GROUPS
+        f"reprojection_{name}": CurveKind(
+            title=f"Reprojection error, {name.replace('_', ' ')}", group="Errors", unit="px", values=_reprojection(part)
+        )
+        for name, part in GROUPS.items()
     },
-    "jitter": CurveKind(title="Jitter", unit="mm/frame²", values=lambda fit: fit.jumps.mean(1)),
-    "temporal": CurveKind(title="Temporal residual", unit="mm", values=_temporal_residual),
-    "confidence": CurveKind(title="Mean confidence", unit="", values=_confidence),
-    "depth": CurveKind(title="Depth of the pelvis", unit="m", values=lambda fit: fit.root[:, 2]),
+    "confidence": CurveKind(title="Mean confidence", group="Errors", unit="", values=_confidence),
+    "jitter": CurveKind(title="Jitter", group="Motion", unit="mm/frame²", values=lambda fit: fit.jumps.mean(1)),
+    "temporal": CurveKind(title="Temporal residual", group="Motion", unit="mm", values=_temporal_residual),
     **{
         f"{side}_wrist": CurveKind(
-            title=f"Speed of the {side} wrist", unit="m/s", values=_speed(side), moved_by=(f"{side}_elbow",)
+            title=f"Speed of the {side} wrist",
+            group="Motion",
+            unit="m/s",
+            values=_speed(side),
+            moved_by=(f"{side}_elbow",),
         )
         for side in SIDES
     },
+    "depth": CurveKind(
+        title="Depth of the pelvis", group="Height and depth", unit="m", values=lambda fit: fit.root[:, 2]
+    ),
     **{
         f"{joint}_height": CurveKind(
-            title=f"Height of the {joint.replace('_', ' ')}", unit="m", values=_height(joint), moved_by=(by,)
+            title=f"Height of the {joint.replace('_', ' ')}",
+            group="Height and depth",
+            unit="m",
+            values=_height(joint),
+            moved_by=(by,),
         )
         for joint, by in _HEIGHTS.items()
     },
     **{
-        name: CurveKind(title=_angle_title(name), unit="°", values=_angle(name), angle=i, moved_by=_bones(name))
+        name: CurveKind(
+            title=_angle_title(name),
+            group="Joint angles",
+            unit="°",
+            values=_angle(name),
+            angle=i,
+            moved_by=_bones(name),
+        )
         for i, name in enumerate(ANGLES)
     },
 }
@@ -195,4 +219,4 @@ def vertex_distances(one: Float32[np.ndarray, "V 3"], other: Float32[np.ndarray,
 def between_runs(a: PosedFit, b: PosedFit) -> Curve:
     """Mean distance of the 55 joints of two runs of one clip by frame, in millimetres; their bodies may differ."""
     values = 1e3 * np.linalg.norm(b.joints - a.joints, axis=-1).mean(1)
-    return Curve(name=BETWEEN, title="Distance between A and B", unit="mm", values=values)
+    return Curve(name=BETWEEN, title="Distance between the fits", unit="mm", values=values)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -22,6 +23,8 @@ class LevelKind:
     """How the levels of some parts of the body are computed."""
 
     title: str
+    group: Literal["Motion", "Height and depth"]
+    """Its place in menus, among the curves."""
     parts: tuple[str, ...]
     words: tuple[str, ...]
     """The meaning of the levels 0, 1 and so on, which are drawn ever stronger."""
@@ -51,10 +54,15 @@ def _contacts(fit: PosedFit) -> Float[np.ndarray, "T 2"]:
 
 LEVELS: dict[str, LevelKind] = {
     "hand_phases": LevelKind(
-        title="Hand phases", parts=tuple(f"{side} hand" for side in SIDES), words=_PHASES, values=_hand_phases
+        title="Hand phases",
+        group="Motion",
+        parts=tuple(f"{side} hand" for side in SIDES),
+        words=_PHASES,
+        values=_hand_phases,
     ),
     "contacts": LevelKind(
         title="Feet on the floor",
+        group="Height and depth",
         parts=tuple(f"{side} foot" for side in SIDES),
         words=("in the air", "seems to stand, but slides", "stands"),
         values=_contacts,

@@ -245,9 +245,9 @@ TIMELINE = states.Timeline(
     length=LENGTH,
     frame_rate=30.0,
     choices=(
-        states.Choice(name="error", title="Error (px)"),
-        states.Choice(name="jitter", title="Jitter (mm)"),
-        states.Choice(name="distance", title="A to B distance (mm)", group="compared"),
+        states.Choice(name="error", title="Error (px)", group="One fit"),
+        states.Choice(name="jitter", title="Jitter (mm)", group="One fit"),
+        states.Choice(name="distance", title="Distance (mm)", group="Two fits"),
     ),
 )
 ROWS = states.Rows(

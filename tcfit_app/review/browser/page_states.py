@@ -272,8 +272,8 @@ class Choice(_State, frozen=True, kw_only=True):
     name: str
     title: str
     """With its unit."""
-    group: str = ""
-    """Choices with the same group are listed together."""
+    group: str
+    """Heading of the choices with the same one."""
 
 
 class Timeline(_State, frozen=True, kw_only=True):

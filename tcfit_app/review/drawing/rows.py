@@ -1,6 +1,6 @@
 """The rows of the timeline: curves of A and B, their differences, and the table of everything that can be plotted."""
 
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
 
@@ -11,19 +11,21 @@ from tcfit_app.analysis.curves import BETWEEN, CURVES, Curve
 from tcfit_app.analysis.levels import LEVELS, LevelSpans
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser import page_states as states
-from tcfit_app.review.browser.page_states import curve_values
+from tcfit_app.review.browser.page_states import Color, curve_values
 from tcfit_app.review.tab.on_show import SLOT_COLORS, SLOTS, Slot
 from tcfit_app.review.tab.tab import Tab
 
-Value = TypeVar("Value", Curve, LevelSpans)
+Value = TypeVar("Value", tuple[Curve, ...], LevelSpans)
 
 MOST_ROWS = 6
 """More would make each too low to read."""
 _NO_FIT = "Curves appear here once there is a fit."
 _MEASURING = "Measuring …"
 _NOTHING = "There is nothing to measure in this clip."
-_SAME = "A and B are the same fit."
+_SAME = "The two fits are the same."
 _MISSING = "This row compares two fits: choose Compare (2)."
+_PARTS: dict[Color, str] = {part: f"reprojection_{part}" for part in ("body", "left_hand", "right_hand", "face")}
+"""Curves of the row of reprojection errors, each in the colour of its keypoints."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,27 +33,24 @@ class Plot:
     """Something a row can show."""
 
     title: str
+    group: str
+    """Choices with the same group are listed together."""
     unit: str
-    curve: str
-    """One of CURVES or LEVELS, or BETWEEN."""
     how: Literal["each", "levels", "between"] = "each"
     """A line per fit; levels, of B; the distance between A and B."""
 
-    @property
-    def group(self) -> str:
-        """Choices with the same group are listed together."""
-        return {"each": "each", "levels": "other", "between": "compared"}[self.how]
-
 
 PLOTS: dict[str, Plot] = {
-    **{name: Plot(title=kind.title, unit=kind.unit, curve=name) for name, kind in CURVES.items()},
-    **{name: Plot(title=kind.title, unit="", curve=name, how="levels") for name, kind in LEVELS.items()},
-    BETWEEN: Plot(title="A to B distance", unit="mm", curve=BETWEEN, how="between"),
+    **{name: Plot(title=kind.title, group=kind.group, unit=kind.unit) for name, kind in CURVES.items()},
+    **{name: Plot(title=kind.title, group=kind.group, unit="", how="levels") for name, kind in LEVELS.items()},
+    BETWEEN: Plot(title="Distance between the fits", group="Two fits", unit="mm", how="between"),
 }
-"""By the name that the page requests."""
+"""By the name that the page requests: one of CURVES or LEVELS, or BETWEEN."""
 CHOICES = tuple(
     states.Choice(name=name, title=f"{plot.title} ({plot.unit})" if plot.unit else plot.title, group=plot.group)
+    for group in dict.fromkeys(plot.group for plot in PLOTS.values())
     for name, plot in PLOTS.items()
+    if plot.group == group
 )
 
 
@@ -72,7 +71,8 @@ class _Found:
     """The content of a row. Equal to another while nothing has changed: curves are compared by identity."""
 
     name: str
-    curves: tuple[tuple[Slot, Curve], ...] = ()
+    curves: tuple[tuple[str, Color, Curve], ...] = ()
+    """With their labels and colours."""
     levels: LevelSpans | None = None
     empty: str = ""
     """Why they are missing; empty: they are being computed, or there is no fit yet."""
@@ -90,7 +90,7 @@ class Rows:
         """Send them if they have changed."""
         tab = self._tab
         found = tuple(map(self._find, tab.state.plots))
-        rows = tab.once("rows", (found, self._sides), lambda: tuple(map(self._row, found)))
+        rows = tab.once("rows", found, lambda: tuple(map(self._row, found)))
         tab.channel.send("rows", states.Rows(rows=rows))
 
     @property
@@ -100,25 +100,35 @@ class Rows:
         return a is not None and b is not None and (a.run.id, a.phase) == (b.run.id, b.phase)
 
     @property
-    def _sides(self) -> tuple[Slot, ...]:
-        """The fits that have their own line."""
-        return ("b",) if self._same else tuple(side for side in SLOTS if self._tab.shown.fit(side) is not None)
-
-    def _label(self, side: Slot) -> str:
-        return side.upper() if len(self._sides) > 1 else ""
+    def _fits(self) -> dict[Slot, Shown]:
+        """The fits with lines."""
+        sides: tuple[Slot, ...] = ("b",) if self._same else SLOTS
+        return {side: fit for side in sides if (fit := self._tab.shown.fit(side)) is not None}
 
     def _find(self, name: str) -> _Found:
         return _WAYS[PLOTS[name].how](self, name)
 
     def _each(self, name: str) -> _Found:
-        curves: list[tuple[Slot, Curve]] = []
-        for side in self._sides:
-            curve = self._curve(PLOTS[name].curve, side)
-            if curve is not None:
-                curves.append((side, curve))
-        fits = [] if curves else [fit for side in self._sides if (fit := self._tab.shown.fit(side)) is not None]
-        problem = next((why for fit in fits if (why := self._tab.data.problem("metrics", fit))), "")
-        return _Found(name=name, curves=tuple(curves), empty=problem)
+        fits = self._fits
+        curves: list[tuple[str, Color, Curve]]
+        if name == "reprojection" and len(fits) == 1:
+            curves = [
+                (part.replace("_", " "), part, curve)
+                for side, fit in fits.items()
+                for part, curve in zip(_PARTS, self._curves(name, side, fit, tuple(_PARTS.values())), strict=False)
+            ]
+            curves = [line for line in curves if np.isfinite(line[2].values).any()] or curves
+        else:
+            curves = [
+                (side.upper() if len(fits) > 1 else "", SLOT_COLORS[side], curve)
+                for side, fit in fits.items()
+                for curve in self._curves(name, side, fit, (name,))
+            ]
+        problem = next((why for fit in fits.values() if (why := self._tab.data.problem("metrics", fit))), "")
+        return _Found(name=name, curves=tuple(curves), empty="" if curves else problem)
+
+    def _curves(self, name: str, side: Slot, fit: Shown, names: tuple[str, ...]) -> tuple[Curve, ...]:
+        return self._latest(name, side, (_origin(fit), names), self._tab.data.curves(names, fit)) or ()
 
     def _levels(self, name: str) -> _Found:
         shown = self._tab.shown.held
@@ -130,14 +140,9 @@ class Rows:
         a, b = self._tab.shown.a, self._tab.shown.b
         if a is None or b is None or self._same:
             return _Found(name=name, empty=_SAME if self._same else _MISSING)
-        curve = self._latest(name, "b", (_origin(a), _origin(b)), self._tab.data.between(a, b))
-        return _Found(name=name, curves=() if curve is None else (("b", curve),))
-
-    def _curve(self, name: str, side: Slot) -> Curve | None:
-        shown = self._tab.shown.fit(side)
-        if shown is None:
-            return None
-        return self._latest(name, side, _origin(shown), self._tab.data.curve(name, shown))
+        curve = self._tab.data.between(a, b)
+        found = self._latest(name, "b", (_origin(a), _origin(b)), None if curve is None else (curve,))
+        return _Found(name=name, curves=tuple(("", "beside", one) for one in found or ()))
 
     def _latest(self, name: str, side: Slot, of: Hashable, found: Value | None) -> Value | None:
         """The value; until it is ready, the last one of the same name and fit."""
@@ -153,17 +158,10 @@ class Rows:
             name=found.name,
             title=plot.title,
             unit=plot.unit,
-            curves=tuple(self._lines(plot, found)) if found.curves else (),
-            levels=None if found.levels is None else _levels(plot, found.levels),
-            empty=found.empty or (_NOTHING if measured else _MEASURING if self._sides else _NO_FIT),
+            curves=tuple(_line(*curve) for curve in found.curves),
+            levels=None if found.levels is None else _levels(found.name, found.levels),
+            empty=found.empty or (_NOTHING if measured else _MEASURING if self._fits else _NO_FIT),
         )
-
-    def _lines(self, plot: Plot, found: _Found) -> Iterator[states.Curve]:
-        for side, curve in found.curves:
-            label, color = ("", "beside") if plot.how == "between" else (self._label(side), SLOT_COLORS[side])
-            bars = () if curve.error_bars is None else curve_values(curve.error_bars, digits=3)
-            values = curve_values(curve.values)
-            yield states.Curve(label=label, color=color, values=values, error_bars=bars, unseen=_unseen(curve))
 
 
 _WAYS: dict[str, Callable[[Rows, str], _Found]] = {
@@ -173,12 +171,14 @@ _WAYS: dict[str, Callable[[Rows, str], _Found]] = {
 }
 
 
-def _unseen(curve: Curve) -> tuple[states.Span, ...]:
-    return () if curve.unseen is None else states.spans(np.flatnonzero(curve.unseen))
+def _line(label: str, color: Color, curve: Curve) -> states.Curve:
+    bars = () if curve.error_bars is None else curve_values(curve.error_bars, digits=3)
+    unseen = () if curve.unseen is None else states.spans(np.flatnonzero(curve.unseen))
+    return states.Curve(label=label, color=color, values=curve_values(curve.values), error_bars=bars, unseen=unseen)
 
 
-def _levels(plot: Plot, spans: LevelSpans) -> states.Levels:
-    kind = LEVELS[plot.curve]
+def _levels(name: str, spans: LevelSpans) -> states.Levels:
+    kind = LEVELS[name]
     return states.Levels(parts=kind.parts, words=kind.words, spans=spans)
 
 

@@ -159,9 +159,10 @@ class DrawingData:
         """Identifies everything that `posed` depends on."""
         return *shown.version, self.session.project.keypoints_version
 
-    def curve(self, name: str, shown: Shown) -> Curve | None:
-        """A curve of the timeline; None while it is computed."""
-        return self._made(("curve", name, self.key(shown)), shown, lambda posed: curve(name, posed))
+    def curves(self, names: tuple[str, ...], shown: Shown) -> tuple[Curve, ...] | None:
+        """Curves of the timeline, computed together; None while they are."""
+        key = "curves", names, self.key(shown)
+        return self._made(key, shown, lambda posed: tuple(curve(name, posed) for name in names))
 
     def levels(self, name: str, shown: Shown) -> LevelSpans | None:
         """One of LEVELS for the timeline; None while it is computed."""

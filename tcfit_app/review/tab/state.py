@@ -141,7 +141,7 @@ class TabState:
     """Of bodies."""
     groups: frozenset[str] = frozenset(GROUPS)
     """Keypoint groups shown."""
-    plots: tuple[str, ...] = ("reprojection", "jitter")
+    plots: tuple[str, ...] = ("reprojection",)
     """The rows of the timeline, names of PLOTS."""
     queue_kind: str = ""
     """Only entries of this kind of the review queue are listed; empty: all."""

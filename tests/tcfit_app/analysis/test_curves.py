@@ -102,7 +102,7 @@ def test_no_keypoints_is_no_error_at_all(tiny_body: BodyModel):
     confidence[:, kp.HANDS] = 0
     fit = with_keypoints(fit, confidence=confidence)
     assert np.isnan(values("reprojection", fit)).tolist() == [False, True, False]
-    assert np.isnan(values("reprojection_hands", fit)).all()
+    assert np.isnan(values("reprojection_left_hand", fit)).all()
     assert values("confidence", fit)[1] == 0 and (values("confidence", fit)[[0, 2]] == 1).all()
 
 

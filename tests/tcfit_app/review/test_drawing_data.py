@@ -73,7 +73,7 @@ def test_what_is_there_is_not_made_again(data: DrawingData, monkeypatch: pytest.
     """The loop asks for everything at every draw: of a clip of 20,000 frames a single PosedFit takes 40 ms."""
     session, shown = data.session, newest(data.session)
     draws = {
-        "curve": lambda: data.curve("reprojection", shown),
+        "curve": lambda: data.curves(("reprojection",), shown),
         "queue": lambda: data.suspects(shown),
         "figures": lambda: data.metrics(shown),
         "room": lambda: data.room(shown, shown),
@@ -101,8 +101,8 @@ def test_the_room_of_a_running_fit_follows_the_body_in_depth(data: DrawingData):
 def test_nothing_waits_for_the_first_body(data: DrawingData):
     shown = newest(data.session)
     data.warming = True
-    assert data.curve("reprojection", shown) is None and data.suspects(shown) is None
+    assert data.curves(("reprojection",), shown) is None and data.suspects(shown) is None
     assert data.problem("suspects", shown) == "" and data.problem("metrics", shown) == ""
     data.warm_up()
     until(data.session, lambda: not data.warming)
-    until(data.session, lambda: data.curve("reprojection", shown) is not None)
+    until(data.session, lambda: data.curves(("reprojection",), shown) is not None)

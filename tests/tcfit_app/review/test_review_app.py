@@ -129,7 +129,7 @@ def test_the_timeline_plots_what_is_chosen_in_it(review: Reviewing):
     tab = review.page.tab
     usual = tab.state.plots
     review.tab.get_by_title("Choose the curves").click()
-    for title in ("A to B distance (mm)", "Hand phases"):
+    for title in ("Distance between the fits (mm)", "Hand phases"):
         review.tab.get_by_role("menuitemcheckbox", name=title).click()
     review.tab.keyboard.press("Escape")
     until(lambda: tab.state.plots == (*usual, BETWEEN, "hand_phases"), "the rows")
@@ -141,7 +141,7 @@ def test_the_timeline_plots_what_is_chosen_in_it(review: Reviewing):
     distance, hands = until(filled, "the rows with what is in them")[-2:]
     assert len(distance["curves"][0]["values"]) == tab.length
     assert len(hands["levels"]["spans"]) == len(hands["levels"]["parts"]) == 2
-    for title in ("A to B distance", "Hand phases"):
+    for title in ("Distance between the fits", "Hand phases"):
         review.tab.get_by_role("button", name=f"Close {title}", exact=True).click()
     until(lambda: tab.state.plots == usual, "the rows before")
 

@@ -13,52 +13,76 @@ import { element } from "./elements.js";
 
 const GREY = "Point at a grey line to see why.";
 const EDGE = 4; // least distance from the window's edges, in CSS pixels
+const MANY = 15; // lines from which on a menu can be searched
 
-/** @type {{ menu: HTMLElement, opener: Element | null } | null} */
-let open = null;
+/** @type {{ box: HTMLElement, opener: Element | null } | null} */
+let open = null; // the box of the lines, and of what stands above and below them
 
 /** Shows a menu with its upper left corner there, or as near as the window has room. It takes the focus; Escape, Tab
  * and a press elsewhere close it, and the focus goes back to where it was.
- * @param {string} name for those who do not see it @param {(MenuItem | null)[]} items null is a line between groups
+ * @param {string} name for those who do not see it @param {(MenuItem | string | null)[]} items a text is a heading, and
+ * null a line, between groups
  * @param {number} x of the window, in CSS pixels @param {number} y */
 export function openMenu(name, items, x, y) {
   closeMenu();
-  const menu = element("div", "tcfit-menu", document.body);
+  const box = element("div", "tcfit-menu", document.body);
+  open = { box, opener: document.activeElement };
+  const search = items.length > MANY ? searchField(box, name) : null;
+  const menu = element("div", "", box);
   menu.setAttribute("role", "menu");
   menu.setAttribute("aria-label", name);
-  for (const item of items) menu.append(item ? lineOf(item) : separator());
-  if (items.some((item) => item?.obstacle)) sayWhy(menu);
-  open = { menu, opener: document.activeElement };
-  menu.addEventListener("keydown", keyDown);
-  menu.addEventListener("contextmenu", (event) => event.preventDefault());
-  menu.style.left = `${fitting(x, menu.offsetWidth, window.innerWidth)}px`;
-  menu.style.top = `${fitting(y, menu.offsetHeight, window.innerHeight)}px`;
-  const first = lines(menu).find((line) => !line.ariaDisabled) ?? lines(menu)[0];
+  for (const item of items) menu.append(item && typeof item === "object" ? lineOf(item) : separator(item ?? ""));
+  if (items.some((item) => typeof item === "object" && item?.obstacle)) sayWhy(box);
+  box.addEventListener("keydown", keyDown);
+  box.addEventListener("contextmenu", (event) => event.preventDefault());
+  box.style.left = `${fitting(x, box.offsetWidth, window.innerWidth)}px`;
+  box.style.top = `${fitting(y, box.offsetHeight, window.innerHeight)}px`;
+  box.style.width = `${box.offsetWidth}px`; // also while fewer lines are found
+  const first = lines().find((line) => !line.ariaDisabled) ?? lines()[0];
   if (!first) return;
   first.tabIndex = 0; // a menu that scrolls must have something that Tab reaches
-  first.focus({ preventScroll: true });
+  (search ?? first).focus({ preventScroll: true });
+}
+
+/** Shows the lines that have all of its words. @param {HTMLElement} box @param {string} name */
+function searchField(box, name) {
+  const field = element("input", "", box);
+  field.type = "search";
+  field.placeholder = "Search";
+  field.setAttribute("aria-label", `Search: ${name}`);
+  field.addEventListener("input", () => {
+    const words = field.value.toLowerCase().split(/\s+/);
+    for (const part of box.querySelectorAll("[role=menu] > *")) {
+      const text = part.textContent?.toLowerCase() ?? "";
+      const found = part.matches("button") ? words.every((word) => text.includes(word)) : !field.value;
+      part.toggleAttribute("hidden", !found);
+    }
+  });
+  return field;
 }
 
 /** @param {number} place @param {number} size @param {number} room */
 const fitting = (place, size, room) => Math.max(EDGE, Math.min(place, room - size - EDGE));
 
 /** The same below an element, or above it where that has more room.
- * @param {string} name @param {(MenuItem | null)[]} items @param {Element} button */
+ * @param {string} name @param {(MenuItem | string | null)[]} items @param {Element} button */
 export function openMenuAt(name, items, button) {
   const { left, top, bottom } = button.getBoundingClientRect();
   openMenu(name, items, left, bottom + 2);
-  if (!open) return;
-  const height = open.menu.offsetHeight;
-  if (bottom + 2 + height > window.innerHeight) open.menu.style.top = `${Math.max(EDGE, top - height - 2)}px`;
+  const below = window.innerHeight - bottom - 2 - EDGE;
+  if (!open || open.box.offsetHeight <= below) return;
+  const above = top - 2 - EDGE;
+  const place = above > below ? { top: "auto", bottom: `${window.innerHeight - top + 2}px` } : { top: `${bottom + 2}px` };
+  Object.assign(open.box.style, { ...place, maxHeight: `${Math.max(above, below)}px` });
 }
 
 /** Closes the menu, if one is open. */
 function closeMenu() {
   if (!open) return;
-  const { menu, opener } = open;
+  const { box, opener } = open;
   open = null;
-  const focused = menu.contains(document.activeElement);
-  menu.remove();
+  const focused = box.contains(document.activeElement);
+  box.remove();
   if (focused && opener instanceof HTMLElement && opener !== document.body) opener.focus({ preventScroll: true });
 }
 
@@ -106,17 +130,18 @@ function lineOf(item) {
   return line;
 }
 
-/** Below the lines: why the one that has the focus cannot be done. @param {HTMLElement} menu */
-function sayWhy(menu) {
-  const why = element("p", "", menu, GREY);
+/** Below the lines: why the one that has the focus cannot be done. @param {HTMLElement} box */
+function sayWhy(box) {
+  const why = element("p", "", box, GREY);
   why.setAttribute("aria-hidden", "true"); // it is the lines' description
-  menu.addEventListener("focusin", ({ target }) => {
+  box.addEventListener("focusin", ({ target }) => {
     why.textContent = (target instanceof HTMLElement && target.title) || GREY;
   });
 }
 
-function separator() {
-  const line = element("div", "tcfit-separator");
+/** @param {string} heading */
+function separator(heading) {
+  const line = element("div", heading ? "tcfit-heading" : "tcfit-separator", null, heading);
   line.setAttribute("role", "separator");
   return line;
 }
@@ -125,7 +150,7 @@ function separator() {
 function choose(line, { label, obstacle, checked, action, more, run }) {
   if (obstacle) return;
   if (more?.length && open) {
-    const { left, top } = open.menu.getBoundingClientRect();
+    const { left, top } = open.box.getBoundingClientRect();
     openMenu(label, more, left, top);
     return;
   }
@@ -135,8 +160,8 @@ function choose(line, { label, obstacle, checked, action, more, run }) {
   run?.();
 }
 
-/** @param {HTMLElement} menu @returns {HTMLElement[]} */
-const lines = (menu) => [...menu.querySelectorAll("button")];
+const lines = () =>
+  /** @type {HTMLElement[]} */ ([...(open?.box.querySelectorAll("button:not([hidden])") ?? [])]);
 
 /** @type {{ [key: string]: (at: number, count: number) => number }} */
 const STEPS = {
@@ -151,17 +176,23 @@ function keyDown(event) {
   const { key } = event;
   if (!open || !(event.target instanceof HTMLElement)) return;
   event.stopPropagation(); // viser's own keys
+  const search = open.box.querySelector("input");
+  const typing = event.target === search;
   if (key === "Escape" || key === "Tab") closeMenu();
-  else if (STEPS[key]) {
-    const all = lines(open.menu);
+  else if (STEPS[key] && !(typing && (key === "Home" || key === "End"))) {
+    const all = lines();
     all[STEPS[key](all.indexOf(event.target), all.length)]?.focus();
-  } else return;
+  } else if (typing && key === "Enter") lines()[0]?.click();
+  else {
+    if (/^(\S|Backspace)$/.test(key)) search?.focus();
+    return;
+  }
   event.preventDefault();
 }
 
 /** @param {Event} event */
 function leave({ target }) {
-  if (open && !(target instanceof Node && open.menu.contains(target))) closeMenu();
+  if (open && !(target instanceof Node && open.box.contains(target))) closeMenu();
 }
 
 for (const type of ["pointerdown", "wheel"]) window.addEventListener(type, leave, { capture: true, passive: true });

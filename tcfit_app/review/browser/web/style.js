@@ -77,16 +77,22 @@ export const STYLE_SHEET = `
 .tcfit-strip-head { position: absolute; left: 0; right: 0; top: 0; display: flex; align-items: center;
   gap: 4px; padding: 2px 6px 0; justify-content: flex-end; }
 .tcfit-strip-frames { flex: none; display: flex; align-items: center; gap: 2px; color: var(--tcfit-strong); }
-.tcfit-strip-title { position: absolute; left: 0; display: flex; align-items: flex-start; gap: 2px;
+.tcfit-strip-title { position: absolute; left: 0; display: grid; grid-template-columns: 1fr 16px; align-content: start; align-items: start; gap: 2px;
   padding: 3px 0 0 8px; overflow: hidden; line-height: 14px; pointer-events: none; }
-.tcfit-strip-title > span { flex: 1 1 auto; min-width: 0; max-height: 100%; overflow: hidden; overflow-wrap: anywhere; }
+.tcfit-strip-title > p { grid-column: 1 / 3; display: flex; flex-wrap: wrap; gap: 0 9px; margin: 0; line-height: 15px; color: var(--tcfit-dim); }
+.tcfit-strip-title i { display: inline-block; width: 8px; height: 8px; margin-right: 4px; border-radius: 50%; }
+.tcfit-strip-title > span { overflow-wrap: anywhere; }
 .tcfit-strip-title > * { pointer-events: auto; }
 .tcfit-strip-title > button { min-width: 16px; height: 15px; padding: 0; color: var(--tcfit-dim); }
-.tcfit-strip-title > [aria-haspopup] { flex: 1 1 auto; min-width: 0; height: auto; max-height: 100%; margin-left: -4px; padding: 0 4px; overflow: hidden;
+.tcfit-strip-title > [aria-haspopup] { height: auto; margin-left: -4px; padding: 0 4px;
   color: inherit; font: inherit; line-height: 14px; text-align: left; overflow-wrap: anywhere; }
 .tcfit-menu { position: fixed; z-index: 1000; display: flex; flex-direction: column; min-width: 180px; padding: 4px;
-  max-height: calc(100vh - 8px); overflow-y: auto; border-radius: 7px; background: var(--tcfit-menu); border: 1px solid var(--tcfit-edge);
+  max-height: calc(100vh - 8px); border-radius: 7px; background: var(--tcfit-menu); border: 1px solid var(--tcfit-edge);
   box-shadow: 0 8px 28px rgba(0, 0, 0, 0.5); font: 13px/1.4 ${FONT}; user-select: none; -webkit-user-select: none; }
+.tcfit-menu > [role=menu] { display: flex; flex-direction: column; min-height: 0; overflow-y: auto; }
+.tcfit-menu input { flex: none; height: 28px; margin: 0 0 4px; padding: 0 8px; border: 1px solid var(--tcfit-edge); border-radius: 4px;
+  background: var(--tcfit-field); color: var(--tcfit-text); font: inherit; }
+.tcfit-menu input:focus-visible { outline: 2px solid var(--tcfit-accent); outline-offset: -1px; }
 .tcfit-menu button { display: flex; align-items: center; gap: 24px; flex: none; padding: 4px 10px; border: 0;
   border-radius: 4px; background: transparent; color: var(--tcfit-text); font: inherit; text-align: left;
   white-space: nowrap; cursor: pointer; }
@@ -99,6 +105,7 @@ export const STYLE_SHEET = `
 .tcfit-menu kbd { flex: none; font: 13px/1 ${FONT}; color: var(--tcfit-key); }
 .tcfit-menu p { width: 0; min-width: 100%; min-height: 2.8em; margin: 4px 0 0; padding: 4px 10px 0; color: var(--tcfit-dim);
   border-top: 1px solid var(--tcfit-edge); }
+.tcfit-menu .tcfit-heading { flex: none; padding: 6px 10px 2px; color: var(--tcfit-dim); font-weight: 600; }
 .tcfit-menu .tcfit-separator { flex: none; height: 1px; margin: 4px 6px; background: var(--tcfit-edge); }
 .tcfit-strip .tcfit-tooltip { z-index: 1; pointer-events: none; }
 .tcfit-hints { position: absolute; right: 12px; bottom: 12px; width: min(340px, 60%); max-height: calc(100% - 24px);
@@ -112,7 +119,7 @@ export const STYLE_SHEET = `
 .tcfit-hints button { height: 28px; padding: 0 14px; border: 0; border-radius: 4px; background: var(--tcfit-accent);
   color: var(--tcfit-on-accent); font: 600 13px/1 ${FONT}; cursor: pointer; }
 .tcfit-hints button:focus-visible { outline: 2px solid var(--tcfit-strong); outline-offset: 1px; }
-[hidden].tcfit-hints, [hidden].tcfit-person, [hidden].tcfit-tooltip, [hidden].tcfit-divider, [hidden].tcfit-card, [hidden].tcfit-legend, [hidden].tcfit-strip, [hidden].tcfit-strip-frames { display: none; }
+.tcfit-menu [hidden], [hidden].tcfit-hints, [hidden].tcfit-person, [hidden].tcfit-tooltip, [hidden].tcfit-divider, [hidden].tcfit-card, [hidden].tcfit-legend, [hidden].tcfit-strip, [hidden].tcfit-strip-frames { display: none; }
 `;
 
 export const PANEL_SHEET = `

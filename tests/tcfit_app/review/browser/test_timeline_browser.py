@@ -10,6 +10,7 @@ from msgspec import structs
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.channel import web_files
 from tcfit_app.review.browser.page_events import Key, LookAt, MoveKey, Plot, Range, Seek
+from tcfit_app.review.drawing.rows import CHOICES
 from tcfit_app.server.serving import ReviewServer, review_server
 from tests.drivers.page_tab import KEYS, LENGTH, POSTER, RECORD, ROWS, TABS, TIMELINE, Tab, open_tab, strip_place
 
@@ -269,7 +270,7 @@ def test_rows_are_chosen_in_the_timeline(tab: Tab) -> None:
     button.click()
     menu = tab.page.get_by_role("menu", name="Curves")
     items = menu.get_by_role("menuitemcheckbox")
-    assert items.all_text_contents() == ["Error (px)", "Jitter (mm)", "A to B distance (mm)"]
+    assert items.all_text_contents() == ["Error (px)", "Jitter (mm)", "Distance (mm)"]
     assert [item.get_attribute("aria-checked") for item in items.all()] == ["true", "false", "false"]
     items.nth(1).click()
     assert tab.await_event(Plot) == Plot(name="jitter", shown=True)
@@ -281,6 +282,22 @@ def test_rows_are_chosen_in_the_timeline(tab: Tab) -> None:
     assert not menu.is_visible() and button.evaluate("(b) => b === document.activeElement")
     tab.page.get_by_role("button", name="Close Error").click()
     assert tab.await_event(Plot, 3) == Plot(name="error", shown=False)
+
+
+def test_a_long_menu_is_searched(tab: Tab) -> None:
+    tab.send(timeline=structs.replace(TIMELINE, choices=CHOICES))
+    tab.page.get_by_title("Choose the curves").click()
+    tab.page.keyboard.type("knee ri")
+    lines = tab.page.get_by_role("menuitemcheckbox")
+    assert lines.all_text_contents() == ["Flexion of the right knee (°)"]
+    tab.page.keyboard.press("ArrowDown")
+    tab.page.keyboard.press("Enter")
+    assert tab.await_event(Plot) == Plot(name="right_knee_flexion", shown=True)
+    for _ in "knee ri":
+        tab.page.keyboard.press("Backspace")  # a key of the field, which takes the focus again
+    assert lines.count() == len(CHOICES)
+    tab.page.keyboard.press("Escape")
+    assert tab.page.get_by_role("menu").count() == 0
 
 
 def test_a_menu_that_escape_closes_leaves_its_button_the_keys_that_press_it(tab: Tab) -> None:

@@ -31,14 +31,14 @@ def tested(panel_server: viser.ViserServer, tmp_path: Path) -> Iterator[LonePage
         lone_page(panel_server, project) as made,
     ):
         tab = made.page.tab
-        tab.set(mode="ab", a=FitChoice(run=1), b=FitChoice(run=2))
+        tab.set(a=FitChoice(run=1), b=FitChoice(run=2), mode="ab")
 
-        def curve(name: str, shown: Shown) -> Curve:
-            return curves.setdefault((name, shown.run.id), of(name, VALUES[shown.run.id]))
+        def curves(names: tuple[str, ...], shown: Shown) -> tuple[Curve, ...]:
+            return made_of.setdefault((names, shown.run.id), tuple(of(name, VALUES[shown.run.id]) for name in names))
 
-        curves: dict[tuple[str, int], Curve] = {}
+        made_of: dict[object, tuple[Curve, ...]] = {}
         between = of(BETWEEN, np.arange(6.0))
-        tab.data.curve = curve  # pyright: ignore[reportAttributeAccessIssue]
+        tab.data.curves = curves  # pyright: ignore[reportAttributeAccessIssue]
         tab.data.between = lambda a, b: between  # pyright: ignore[reportAttributeAccessIssue]
         yield made
 
@@ -58,7 +58,7 @@ def sent(tested: LonePage) -> list[dict[str, Any]]:
 def test_curves_are_sent_with_their_error_bars(tested: LonePage):
     tab, bars = tested.page.tab, np.array([1.0, 2, 3, 4, 5, np.nan])
     curves = {1: replace(of("jitter", VALUES[1]), error_bars=bars), 2: of("jitter", VALUES[2])}
-    tab.data.curve = lambda name, shown: curves[shown.run.id]  # pyright: ignore[reportAttributeAccessIssue]
+    tab.data.curves = lambda names, shown: (curves[shown.run.id],)  # pyright: ignore[reportAttributeAccessIssue]
     tab.set(plots=("left_knee_flexion",))
     barred, plain = sent(tested)[-1]["rows"][0]["curves"]
     assert list(barred["error_bars"]) == [1, 2, 3, 4, 5, None] and not plain.get("error_bars")
@@ -77,12 +77,27 @@ def test_each_fit_has_its_line(tested: LonePage):
     assert not sent(tested), "nothing has changed"
 
 
+def test_one_fit_has_a_line_for_each_part_in_the_colour_of_its_keypoints(tested: LonePage):
+    asked, values = [], {"reprojection_left_hand": np.full(6, np.nan)}
+
+    def curves(names: tuple[str, ...], shown: Shown) -> tuple[Curve, ...]:
+        asked.append(shown.run.id)
+        return tuple(of(name, values.get(name, VALUES[1])) for name in names)
+
+    tested.page.tab.data.curves = curves  # pyright: ignore[reportAttributeAccessIssue]
+    tested.page.tab.set(mode="edit")
+    ((row,),) = [state["rows"] for state in sent(tested)]
+    drawn = [(curve["label"], curve["color"]) for curve in row["curves"]]
+    assert drawn == [("body", "body"), ("right hand", "right_hand"), ("face", "face")], "no left hand was detected"
+    assert set(asked) == {2}, "the fit that is corrected"
+
+
 def test_the_same_fit_has_one_line_and_no_distance(tested: LonePage):
     tested.page.tab.set(a=FitChoice(run=2), plots=("jitter", BETWEEN))
     (state,) = sent(tested)
     each, *compared = state["rows"]
     assert [curve["label"] for curve in each["curves"]] == [""]
-    assert all(not row["curves"] and "same fit" in row["empty"] for row in compared)
+    assert all(not row["curves"] and "are the same" in row["empty"] for row in compared)
 
 
 def test_the_distance_is_a_row(tested: LonePage):
@@ -112,12 +127,12 @@ def test_levels_are_those_of_b(tested: LonePage):
 def test_a_row_says_why_there_is_no_curve(tested: LonePage):
     tab = tested.page.tab
     tab.set(plots=("reprojection",))
-    tab.data.curve = lambda name, shown: None  # pyright: ignore[reportAttributeAccessIssue]
+    tab.data.curves = lambda names, shown: None  # pyright: ignore[reportAttributeAccessIssue]
     assert "body of this run is missing" in sent(tested)[-1]["rows"][0]["empty"]
     tab.data.problem = lambda what, shown: ""  # pyright: ignore[reportAttributeAccessIssue]
     nothing = of("reprojection", np.full(6, np.nan))
     for curve, said in ((None, "Measuring"), (nothing, "nothing to measure")):
-        tab.data.curve = lambda name, shown, curve=curve: curve  # pyright: ignore[reportAttributeAccessIssue]
+        tab.data.curves = lambda names, shown, curve=curve: curve and (curve,)  # pyright: ignore[reportAttributeAccessIssue]
         assert said in sent(tested)[-1]["rows"][0]["empty"]
 
 
@@ -125,7 +140,7 @@ def test_a_curve_stays_until_a_newer_one_of_the_same_fit_is_there(tested: LonePa
     tab = tested.page.tab
     tab.set(plots=("jitter",))
     assert len(sent(tested)) == 1
-    tab.data.curve = lambda name, shown: None  # pyright: ignore[reportAttributeAccessIssue]
+    tab.data.curves = lambda names, shown: None  # pyright: ignore[reportAttributeAccessIssue]
     assert not sent(tested)
     tab.set(b=FitChoice(run=1))
     (state,) = sent(tested)
@@ -141,7 +156,7 @@ def test_the_curve_of_a_fit_stays_until_that_of_its_corrections_is_there(tested:
     run = replace(before.b.run, id=9, kind="corrections", parent=before.b.run.id)
     tab.look = lambda: None  # pyright: ignore[reportAttributeAccessIssue]
     tab._shown = replace(before, b=replace(before.b, run=run))
-    tab.data.curve = lambda name, shown: None  # pyright: ignore[reportAttributeAccessIssue]
+    tab.data.curves = lambda names, shown: None  # pyright: ignore[reportAttributeAccessIssue]
     assert not sent(tested)
 
 
@@ -151,7 +166,7 @@ def test_rows_come_and_go(tested: LonePage):
     page.receive(Plot(name="depth", shown=True))
     page.receive(Plot(name="reprojection", shown=False))
     page.receive(Plot(name="error_by_part", shown=True))  # a row of earlier versions, which a browser may remember
-    assert tab.state.plots == ("jitter", "depth")
+    assert tab.state.plots == ("depth",)
     full = tuple(PLOTS)[:MOST_ROWS]
     with pytest.raises(InputError, match="at most"):
         with_plot(full, tuple(PLOTS)[-1], shown=True)

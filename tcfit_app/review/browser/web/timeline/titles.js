@@ -8,7 +8,7 @@ import { openMenuAt } from "../menu.js";
 import { GUTTER, clipLength } from "./axis.js";
 import { rowBand, stripHeight } from "./layout.js";
 
-const NUMBERS = 46; // CSS pixels beside a title for the numbers of the axis
+const [NUMBERS, PARTS] = [46, 72]; // CSS pixels beside a title for the numbers of the axis, or the parts of the body
 
 const titles = element("div", "", strip);
 const chooser = element("button", "");
@@ -22,7 +22,7 @@ const rows = () => states.rows?.rows ?? [];
 /** @param {string} name @param {boolean} shown */
 const plot = (name, shown) => emit({ type: "plot", name, shown });
 
-/** @returns {(MenuItem | null)[]} */
+/** @returns {(MenuItem | string)[]} */
 function choices() {
   const shown = new Set(rows().map(({ name }) => name));
   return known("timeline").choices.flatMap(({ name, title, group }, i, all) => {
@@ -31,7 +31,7 @@ function choices() {
       checked: shown.has(name),
       run: () => plot(name, !rows().some((row) => row.name === name)),
     };
-    return i > 0 && all[i - 1].group !== group ? [null, item] : [item];
+    return i > 0 && all[i - 1].group === group ? [item] : [group, item];
   });
 }
 
@@ -39,12 +39,13 @@ let drawn = "";
 
 /** Draws them again only if they change: one of their buttons may have the focus. */
 function drawTitles() {
-  const wanted = JSON.stringify(rows().map(({ name, title, unit }) => [name, title, unit]));
+  const said = rows().map(({ name, title, unit, curves }) => [name, title, unit, curves.map(({ label }) => label)]);
+  const wanted = JSON.stringify(said);
   if (drawn === wanted) return;
   drawn = wanted;
   titles.replaceChildren();
   if (!rows().length) element("div", "tcfit-strip-title", titles).append(chooser);
-  rows().forEach(({ name, title, unit }, index) => {
+  rows().forEach(({ name, title, unit, curves }, index) => {
     const box = element("div", "tcfit-strip-title", titles);
     const text = unit ? `${title} (${unit})` : title;
     if (index) element("span", "", box, text).title = title;
@@ -54,6 +55,12 @@ function drawTitles() {
     close.title = close.ariaLabel = `Close ${title}`;
     close.addEventListener("click", () => plot(name, false));
     if (!index) chooser.textContent = `${text} ▾`;
+    const legend = element("p", "", curves.length > 1 ? box : null);
+    for (const { label, color } of curves) {
+      const line = element("span", "", legend);
+      element("i", "", line).style.background = `var(--tcfit-${color})`;
+      line.append(label);
+    }
   });
   if (!rows().length) chooser.textContent = "Curves ▾";
 }
@@ -63,7 +70,8 @@ function layOut() {
   setStripHeight(clipLength() || states.strip ? stripHeight() : 0, clipLength() > 0);
   [...titles.children].forEach((box, index) => {
     const { top, bottom } = rowBand(index);
-    const place = { top: `${top}px`, height: `${bottom - top}px`, width: `${GUTTER - NUMBERS}px` };
+    const width = GUTTER - (rows()[index]?.levels ? PARTS : NUMBERS);
+    const place = { top: `${top}px`, height: `${bottom - top}px`, width: `${width}px` };
     if (box instanceof HTMLElement) Object.assign(box.style, place);
   });
   invalidate("timeline");
