@@ -331,11 +331,11 @@ def starting(review: Reviewing) -> Iterator[str]:
     """A project without keypoints: what it offers, with its groups open, and an import that fails."""
     settle(review)
     yield "start"
-    for group in ("How it was filmed", "Import keypoints"):
-        review.tab.get_by_text(group, exact=True).click()
+    for group in ("Camera", "Import keypoints"):
+        review.tab.get_by_role("button", name=group).click()
     settle(review)
     yield "groups"
-    review.tab.get_by_text("How keypoints are found", exact=True).click()
+    review.tab.get_by_role("button", name="Detector").click()
     settle(review)
     yield "detectors"
     review.app.post(lambda: review.session.source.begin(ImportFiles(path=Path("no/such/folder"))))

@@ -28,9 +28,10 @@ from tcfit_app.review.drawing.timeline import Timeline
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, bindings, key_text
 from tcfit_app.review.gestures.edit_words import part_name
 from tcfit_app.review.gestures.keyframing import HANDS_OF
-from tcfit_app.review.panels import Panel, panels_of
+from tcfit_app.review.panels import PANELS, Panel
 from tcfit_app.review.panels.key_list import KeyWindow
 from tcfit_app.review.panels.person_choice import PersonChoice
+from tcfit_app.review.panels.start_panel import StartPanel
 from tcfit_app.review.tab.tab import Tab
 from tcfit_app.server.serving import set_theme
 from tcfit_app.server.uploads import too_large
@@ -154,7 +155,10 @@ class Page:
 
     def _show_panels(self, on: bool) -> None:
         if "panels" in self.__dict__:  # they are created when first drawn
-            self._tabs.visible = on
+            begun = self.tab.session.project.has_detections
+            self._tabs.visible = on and begun
+            if self._start is not None:
+                self._start.visible = on and not begun
             self._person.show(on)
 
     @cached_property
@@ -163,10 +167,15 @@ class Page:
         self._add_commands()
         gui, made = self.tab.client.gui, []
         self._person = PersonChoice(self.tab)
-        self._tabs = gui.add_tab_group()
-        for kind in panels_of(self.tab.session.project):
-            with self._tabs.add_tab(kind.title, kind.icon):
-                made.append(kind(self.gestures))
+        begun = self.tab.session.project.has_detections
+        self._start = None if begun else gui.add_tab_group()
+        self._tabs = gui.add_tab_group(visible=begun)
+        for group, kind in [(self._start, StartPanel), *((self._tabs, kind) for kind in PANELS)]:
+            if group is not None:
+                with group.add_tab(kind.title, kind.icon):
+                    made.append(kind(self.gestures))
+        if begun and not self.tab.session.fits.runs:
+            self.tab.show_panel("Fit")
         return made
 
     def _add_commands(self) -> None:
@@ -291,6 +300,10 @@ class Page:
 
     def _draw_panels(self, now: float) -> None:
         begun, panels = time.thread_time(), self.panels
+        if self._start is not None and self.tab.session.project.has_detections:
+            self._show_panels(True)
+            self._start = None
+            self.tab.show_panel("Fit")
         self._attempt("draw the menus", self._draw_menus, now)
         self._attempt("draw the choice of the person", self._person.draw, now)
         for panel in panels:

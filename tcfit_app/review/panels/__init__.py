@@ -4,7 +4,6 @@ from typing import ClassVar, Protocol
 
 import viser
 
-from tcfit_app.project.project import Project
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, panel_actions
 from tcfit_app.review.panels.compare_panel import ComparePanel
 from tcfit_app.review.panels.correct.correct_panel import CorrectPanel
@@ -12,7 +11,6 @@ from tcfit_app.review.panels.export_panel import ExportPanel
 from tcfit_app.review.panels.fit.fit_panel import FitPanel
 from tcfit_app.review.panels.review_panel import ReviewPanel
 from tcfit_app.review.panels.runs.runs_panel import RunsPanel
-from tcfit_app.review.panels.start_panel import StartPanel
 from tcfit_app.review.panels.view_panel import ViewPanel
 
 
@@ -44,8 +42,3 @@ def add_panel(kind: type[Panel]) -> None:
 
 for _kind in (ViewPanel, CorrectPanel, ReviewPanel, FitPanel, RunsPanel, ComparePanel, ExportPanel):
     add_panel(_kind)
-
-
-def panels_of(project: Project) -> list[type[Panel]]:
-    """The panels of a project: without keypoints, `StartPanel` is the first."""
-    return PANELS if project.has_detections else [StartPanel, *PANELS]

@@ -11,17 +11,16 @@ from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.camera_input import CameraInput
 from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
+from tcfit_app.review.panels.elements.fold import Fold
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
-    action,
     button,
     facts,
     heading,
     paragraph,
     progress_bar,
     row,
-    words,
 )
 from tcfit_app.review.session.keypoint_source import Going
 from tcfit_app.review.tab.tab import Tab
@@ -34,21 +33,22 @@ _UPLOAD_HINT = "From this computer: one JSON or .pose file"
 
 
 class StartPanel:
-    """See `Panel`. Shown by pages opened on a project without keypoints."""
+    """See `Panel`. Alone while a project has no keypoints."""
 
     title: ClassVar[str] = "Start"
     icon: ClassVar[viser.IconName] = viser.Icon.USER_PLUS
 
     def __init__(self, gestures: Gestures) -> None:
         self._gestures, self._tab = gestures, gestures.tab
-        tab, gui = gestures.tab, gestures.tab.client.gui
+        tab = gestures.tab
         self._intro = Board(tab)
         self._said = Board(tab)
-        with gui.add_folder("How keypoints are found", expand_by_default=False) as self._detection:
+        self._folds = {title: Fold(tab, f"start.{title}") for title in ("Detector", "Camera", "Import keypoints")}
+        with self._folds["Detector"]:
             self._detector = _DetectorChoice(tab)
-        with gui.add_folder("How it was filmed", expand_by_default=False) as self._camera_folder:
+        with self._folds["Camera"]:
             self._camera = CameraInput(tab, "start.camera")
-        with gui.add_folder("Import keypoints", expand_by_default=False) as self._folder:
+        with self._folds["Import keypoints"]:
             self._import = FileInput(
                 tab,
                 "start.import",
@@ -72,25 +72,24 @@ class StartPanel:
         """See `Panel.draw`."""
         tab, session = self._tab, self._tab.session
         self._camera.draw()
-        source, done = session.source, session.project.has_detections
+        source = session.source
         tab.once("detector", (source.going, source.busy), self._detector.look)  # a job may have fetched what it needs
-        self._draw_choices(done)
+        offered = not (session.project.has_detections or session.project.read_only or source.busy)
+        self._intro.show(*_introduction(tab), *(self._offered() if offered else []))
+        for title, fold in self._folds.items():
+            fold.draw(title, on=offered)
+        self._import.draw(on=offered)
+        self._detector.draw()
         count = 0 if source.people is None else source.people.count
-        self._said.show(*([] if source.going is None or done else _said(source.going, count, source.cancel)))
-
-    def _draw_choices(self, done: bool) -> None:
-        tab = self._tab
-        open_for_it = not (done or tab.session.project.read_only or tab.session.source.busy)
-        offered = self._offered() if open_for_it else []
-        self._intro.show(*(_finished(self._gestures) if done else [*_introduction(tab), *offered]))
-        for folder in (self._folder, self._camera_folder, self._detection):
-            folder.visible = open_for_it
-        self._import.draw(on=open_for_it)
+        self._said.show(*([] if source.going is None else _said(source.going, count, source.cancel)))
 
     def _offered(self) -> list[Html]:
         session, detector = self._tab.session, self._detector
         if not detector.is_here:
-            return [*_fetchable(detector), row(button("Agree and fetch", "start.fetch", do=self._fetch, kind="main"))]
+            return [
+                *_fetchable(detector),
+                row(button("Agree and download", "start.fetch", do=self._fetch, kind="main")),
+            ]
         fit, find = (lambda: session.find_and_fit(detector.name)), (lambda: session.source.detect(detector.name))
         return [
             row(button("Find keypoints and fit", "start.find", "fit", do=fit, kind="main")),
@@ -110,6 +109,7 @@ class _DetectorChoice:
         default = DETECTORS[DEFAULT].title
         handle = tab.client.gui.add_dropdown("Detector", tuple(self._detectors), initial_value=default, hint=hint)
         Dropdown(tab, handle, self._choose)
+        self._details = Board(tab)
         self.is_here = True
         """Whether everything the choice needs was on this computer at the last check."""
 
@@ -123,6 +123,12 @@ class _DetectorChoice:
 
         self.is_here = DETECTORS[self.name].is_here()
 
+    def draw(self) -> None:
+        """Show the checksum of what is missing."""
+        models = [] if self.is_here else self.known_models()
+        sums = [known.sha256 or "unknown; the first download's is remembered" for known in models[:1]]
+        self._details.show(*(facts([("SHA-256", checksum)]) for checksum in sums))
+
     def known_models(self) -> "list[KnownModel]":
         """Models that the choice lacks and that can be downloaded one by one."""
         from fitting_core.detect.detectors import DETECTORS
@@ -135,16 +141,15 @@ def _fetchable(detector: _DetectorChoice) -> list[Html]:
     models = detector.known_models()
     if models:
         known = models[0]
-        checksum = known.sha256 or "unknown; the first download's is remembered"
         return [
-            paragraph(f"{known.title} is not on this computer. It can be fetched from its publisher:"),
-            facts([("From", known.url), ("Size", known.size), ("Licence", known.licence), ("SHA-256", checksum)]),
+            paragraph(f"{known.title} is not on this computer. Its publisher offers it:"),
+            facts([("From", known.url), ("Size", known.size), ("Licence", known.licence)]),
         ]
     from fitting_core.detect.mediapipe.fetching import fetch_notice
 
     announcement = fetch_notice().splitlines()
     return [
-        paragraph("The detector's networks are not on this computer. They can be fetched once:"),
+        paragraph("The detector's networks are not on this computer. They are downloaded once:"),
         *(paragraph(line.strip(), "dim") for line in announcement),
     ]
 
@@ -158,43 +163,6 @@ def _introduction(tab: Tab) -> list[Html]:
     else:
         text = "tcfit finds the person's body, hands and face in the video, and fits the body model to them."
     return [heading("Keypoints" if session.source.busy else "No keypoints yet", first=True), paragraph(text)]
-
-
-def _finished(gestures: Gestures) -> list[Html]:
-    tab, project = gestures.tab, gestures.tab.session.project
-    found = int((project.detections.confidence > 0).any(1).sum())
-    return [
-        heading("Keypoints", first=True),
-        paragraph(words(f"Found in {found} of {tab.length} frames.", "good")),
-        *(paragraph(note, "dim") for note in project.footage.notes),
-        *_others(tab),
-        *_what_next(gestures),
-    ]
-
-
-def _what_next(gestures: Gestures) -> list[Html]:
-    tab = gestures.tab
-    if tab.session.jobs:
-        return [paragraph("Fitting now: the picture shows each body as soon as it is ready.")]
-    if tab.session.fits.showable():
-        text = "The fit is done. Next: play the clip, and let the panel Review show you suspicious frames."
-        return [paragraph(text), row(action(gestures, "next_suspect"))]
-    text = "Next: fit the body. Wrong keypoints can be corrected before or after."
-    return [paragraph(text), row(action(gestures, "fit", kind="main"))]
-
-
-def _others(tab: Tab) -> list[Html]:
-    """How many people there are, and how to choose another one."""
-    people = tab.session.source.people
-    if people is None or people.count < 2:
-        return []
-    if tab.session.can_choose_person:
-        text = "To choose another person, click on them in the picture."
-    else:
-        text = (
-            "This person already has fits or corrections; for another, make a new project (--person N, --out FOLDER)."
-        )
-    return [paragraph(f"{people.count} people were found. {text}")]
 
 
 def _said(going: Going, people: int, cancel: Callable[[], object]) -> list[Html]:

@@ -348,8 +348,12 @@ def finish(page: LonePage) -> None:
     page.draw()
 
 
-def test_the_panel_imports_a_path_and_offers_the_fit(page: LonePage, files: Path):
+def test_the_panel_imports_a_path_and_then_fit_opens(page: LonePage, files: Path, monkeypatch: pytest.MonkeyPatch):
+    opened: list[str] = []
+    monkeypatch.setattr(page.page.tab, "show_panel", opened.append)
     assert "No keypoints yet" in page.html()
+    groups = lambda: [one.visible for one in page._children() if isinstance(one, viser.GuiTabGroupHandle)]  # noqa: E731
+    assert groups() == [True, False], "the panels come with the keypoints"
     for path in ("", "  "):
         page.enter("Path", path)
         page.click("Import from this path")
@@ -357,7 +361,9 @@ def test_the_panel_imports_a_path_and_offers_the_fit(page: LonePage, files: Path
     page.enter("Path", f"  {files} ")
     page.click("Import from this path")
     finish(page)
-    assert f"Found in {FRAMES} of {FRAMES} frames" in page.html()
+    page.page._draw_panels(0.0)
+    assert groups() == [False, True] and opened == ["Fit"]
+    assert f"Keypoints were found in {FRAMES} of {FRAMES} frames" in page.html()
     assert page.button("Fit everything").value == "fit"
 
 
@@ -366,10 +372,11 @@ def test_one_button_finds_keypoints(page: LonePage, detector: FakeDetector):
     assert "Find keypoints and fit" in page.html()
     page.click("Find keypoints only")
     finish(page)
-    assert f"Found in {FRAMES} of {FRAMES} frames" in page.html()
+    page.page._draw_panels(0.0)
     assert "2 people were found. To choose another person, click" in page.html()
     page.page.tab.session.edit(MarkBad(frames=(0,), joints=(0,)), author="me")
-    assert "for another, make a new project" in page.html()
+    page.page._draw_panels(0.0)
+    assert "people were found" not in page.html()
 
 
 def test_a_detector_that_is_not_here_is_shown_before_it_is_fetched(
@@ -382,7 +389,7 @@ def test_a_detector_that_is_not_here_is_shown_before_it_is_fetched(
     page.draw()
     html = page.html()
     assert known.url in html and known.licence in html and "unknown; the first" in html and "Find keypoints" not in html
-    page.click("Agree and fetch")
+    page.click("Agree and download")
     finish(page)
     assert KNOWN_MODELS["rtmdet-nano"].title in page.html(), "the next that it needs"
 
@@ -392,7 +399,7 @@ def test_networks_that_are_not_here_are_told(page: LonePage, monkeypatch: pytest
     page.enter("Detector", DETECTORS[DEFAULT].title)
     page.draw()
     html = page.html()
-    assert "networks are not on this computer" in html and "Apache-2.0" in html and "Agree and fetch" in html
+    assert "networks are not on this computer" in html and "Apache-2.0" in html and "Agree and download" in html
 
 
 def test_a_failure_stays_in_the_panel_as_text(page: LonePage):

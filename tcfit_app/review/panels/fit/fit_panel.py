@@ -95,22 +95,33 @@ class FitPanel:
         self._camera.draw("Camera", on=self._writable)
         self._every.draw("All settings", on=self._writable)
         self._head.show(*self._heading())
-        self._main.show(*self._button(after=self._again()))
+        self._main.show(*self._button(after=True))
         shape = self._tab.state.settings.given.shape
         again = "Fit the shape again" if shape is None else f"Fit the shape again as {self._named(shape)}"
         self._shape.show(row(action(self._gestures, "rerun_shape", again)))
         detector = self._tab.session.project.footage.detector
         by = f"detected by {DETECTOR_TITLES.get(detector, detector)}" if detector else "of an unknown detector"
-        self._files.show(paragraph(f"Keypoints: {by}."))
+        notes = self._tab.session.project.footage.notes
+        self._files.show(paragraph(f"Keypoints: {by}."), *(paragraph(note, "dim") for note in notes))
 
     def _heading(self) -> list[Html]:
         frames, first = self._frames, self._tab.first_frame
         if not self._writable:
             return [] if self._tab.session.fits.runs else [paragraph("Open read-only; there is no fit.")]
         if not self._again():
-            begin = paragraph("Keypoints are there. Fit the body to them.")
-            return [heading("No fit yet", first=True), begin, *self._button(after=False)]
+            return [heading("No fit yet", first=True), *self._found(), *self._button(after=False)]
         return [heading("Fit again" if frames is None else f"Fit again: {in_words(frames, first)}", first=True)]
+
+    def _found(self) -> list[Html]:
+        """Where keypoints were found, and how to choose another person."""
+        tab, session = self._tab, self._tab.session
+        confidence = session.project.detections.confidence
+        count = tab.once("found", session.project.keypoints_version, lambda: int((confidence > 0).any(1).sum()))
+        found = paragraph(f"Keypoints were found in {count} of {tab.length} frames. Fit the body to them.")
+        if not session.can_choose_person or session.source.people is None:
+            return [found]
+        people = f"{session.source.people.count} people were found. To choose another person, click on them."
+        return [found, paragraph(people)]
 
     def _button(self, *, after: bool) -> list[Html]:
         """The one main button, and what its fit is given; below the inputs once there is a fit."""

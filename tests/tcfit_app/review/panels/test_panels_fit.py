@@ -333,7 +333,8 @@ def test_b_goes_over_to_the_corrections_of_the_run_that_it_was_set_to(tested: Lo
 def test_the_main_button_follows_the_selected_frames(tested: LonePage):
     tab = tested.page.tab
     shown = lambda label: tested.draw() is not None and tested.field(label).visible  # noqa: E731
-    assert "Keypoints are there. Fit the body to them." in tested.html() and shown("Height (cm)")
+    assert "Fit the body to them." in tested.html() and shown("Height (cm)")
+    assert tested.html().count('data-value="fit"') == 1
     tab.set(frames=range(2, 4))
     assert "Fit everything" in tested.html(), "there is nothing to fit again"
     tested.fit()

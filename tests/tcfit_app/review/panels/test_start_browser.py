@@ -73,7 +73,7 @@ def review(
 
 def unfold(review: Reviewing, title: str, label: str) -> None:
     """Open a folder of the panel, and wait for what is in it."""
-    review.tab.locator(f"text='{title}' >> visible=true").first.click()
+    review.tab.get_by_role("button", name=title).click()
     review.tab.locator(f"text='{label}' >> visible=true").last.wait_for()
 
 
@@ -93,7 +93,7 @@ def test_keypoints_of_a_path_appear_in_all_tabs_and_stay(review: Reviewing, tmp_
     unfold(review, "Import keypoints", "Import from this path")
     review.field("Path").fill(str(keypoint_files(tmp_path / "kp")))
     review.tab.get_by_text("Import from this path").click()
-    review.tab.get_by_text(f"Found in {FRAMES} of {FRAMES} frames").wait_for()
+    review.tab.get_by_text(f"Keypoints were found in {FRAMES} of {FRAMES} frames").wait_for()
     for tab in (review, second):
         until(lambda tab=tab: drawn(tab) == 137)
         until(lambda tab=tab: "No fit yet" in chips(tab), "the status line")
@@ -103,7 +103,7 @@ def test_keypoints_of_a_path_appear_in_all_tabs_and_stay(review: Reviewing, tmp_
     review.tab.reload()
     until(lambda: len(review.app.pages) >= known and review.page.tab.ready and drawn(review) == 137)
     review.tab.get_by_role("tab").first.wait_for()
-    assert review.tab.get_by_role("tab").first.inner_text().strip() == "View"
+    until(lambda: review.tab.get_by_role("tab", selected=True).inner_text().strip() == "Fit")
 
 
 def test_a_file_that_is_too_large_stays_here_and_the_next_one_is_uploaded(
@@ -161,7 +161,7 @@ def test_keypoints_are_seen_while_they_are_found_in_all_tabs(review: Reviewing, 
     second.press("ArrowRight", lambda: second.frame == 1)
     detector.gate.set()
     until(lambda: review.session.project.has_detections)
-    review.tab.get_by_text(f"Found in {FRAMES} of {FRAMES} frames.", exact=True).wait_for()
+    review.tab.get_by_text(f"Keypoints were found in {FRAMES} of {FRAMES} frames").wait_for()
     until(lambda: "No fit yet" in chips(review) and found_until(review) == 0, "the status line")
 
 
