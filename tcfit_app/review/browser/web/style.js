@@ -130,7 +130,6 @@ export const PANEL_SHEET = `
 .tcfit-panel h3.tcfit-first b { color: var(--tcfit-strong); }
 .tcfit-panel h3 span { font-weight: 400; }
 .tcfit-panel p { margin: 3px 0; white-space: pre-line; overflow-wrap: anywhere; }
-.tcfit-panel p.tcfit-two-lines { height: 2.8em; overflow: hidden auto; }
 .tcfit-row { display: flex; align-items: center; gap: 4px; margin: 0 0 5px; }
 .tcfit-row:last-child { margin-bottom: 0; }
 .tcfit-wrap { flex-wrap: wrap; }
@@ -152,7 +151,6 @@ export const PANEL_SHEET = `
 .tcfit-panel button[aria-pressed=true], .tcfit-panel button[aria-pressed=true]:hover:not(:disabled) { background: var(--tcfit-soft); border-color: var(--tcfit-accent); color: var(--tcfit-accent); }
 .tcfit-panel button.tcfit-main { background: var(--tcfit-accent); border-color: var(--tcfit-accent); color: var(--tcfit-on-accent); font-weight: 600; }
 .tcfit-panel button.tcfit-main:hover:not(:disabled) { background: color-mix(in srgb, var(--tcfit-accent) 88%, var(--tcfit-strong)); color: var(--tcfit-on-accent); }
-.tcfit-panel button.tcfit-left { justify-content: space-between; }
 .tcfit-panel button.tcfit-fold { justify-content: flex-start; border-color: transparent; background: none; font-weight: 600; }
 .tcfit-panel button.tcfit-fold:hover:not(:disabled) { background: var(--tcfit-pointed); }
 .tcfit-panel button.tcfit-tall { width: 100%; height: auto; justify-content: flex-start; margin-bottom: 5px;

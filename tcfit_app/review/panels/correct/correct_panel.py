@@ -96,7 +96,7 @@ class CorrectPanel:
         elif not selection:
             parts += [heading("Nothing selected", frames, first=True), paragraph(_HOW, "dim")]
         else:
-            what = keypoints_in_words(selection)
+            what = f"{tab.someone.name}: " * bool(tab.someone.others) + keypoints_in_words(selection)
             parts.append(heading(f"{what[0].upper()}{what[1:]}", frames, first=True))
             if not moving:
                 parts += [paragraph(sentence(tab)), *figures(tab)]

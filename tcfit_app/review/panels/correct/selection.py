@@ -91,11 +91,11 @@ def figures(tab: Tab) -> list[Html]:
     there = [joint for joint in joints if corrected.present[joint]]
     if not there:
         return []
-    where = f"Frame {frame + tab.first_frame}: " if len(tab.chosen_frames) > 1 else ""
+    where = f"Frame {frame + tab.first_frame} · " if len(tab.chosen_frames) > 1 else ""
     low, high = (f"{bound(corrected.confidence[there]):.2f}" for bound in (np.min, np.max))
     if len(joints) > 1:
-        return [paragraph(f"{where}confidence {low if low == high else f'{low} to {high}'}", "dim")]
+        return [paragraph(f"{where}Confidence {low if low == high else f'{low} to {high}'}", "dim")]
     (x, y), (u, v) = corrected.xy[there[0]], detected.xy[frame, there[0]]
     moved = detected.confidence[frame, there[0]] > 0 and (x, y) != (u, v)
     from_there = f", detected at {u:.1f}, {v:.1f} px" if moved else ""
-    return [paragraph(f"{where}{low} · {x:.1f}, {y:.1f} px{from_there}", "dim")]
+    return [paragraph(f"{where}Confidence {low} · {x:.1f}, {y:.1f} px{from_there}", "dim")]

@@ -84,7 +84,7 @@ def button(
         obstacle: why it cannot be pressed now, if it cannot; its tooltip says so.
         keys: that do the same.
         hint: its tooltip.
-        kind: its style: "main", "danger", "left", "mini", "tall", "fold"; "close": in a window, Escape and a click
+        kind: its style: "main", "danger", "mini", "tall", "fold"; "close": in a window, Escape and a click
             outside press it.
         enter: Enter in the text field above presses it.
     """
