@@ -41,18 +41,12 @@ _OF_PICTURE = (
     ("bodies", "keypoints", "outline", "side"),
     ("fit_view", "copy_link"),
 )
-_OTHER_SHAPES = {
-    "shape_other": "as the other hand",
-    "copy_shape": "copy",
-    "shape_copied": "the copied one",
-    "shape_last": "repeat last",
-    "free_hand": "remove",
-}
+_SHAPES = (*(f"shape_{name}" for name in (*HANDSHAPES, "other", "copied", "last")), "copy_shape", "free_hand")
 _SUBMENUS: dict[str, tuple[str, dict[str, str]]] = {
     "detect": ("Detect again", {f"detect_{part}": part_name(part) for part in PARTS}),
     "frame": ("Detect in a rectangle", {f"frame_{part}": part_name(part) for part in PARTS}),
     "select": ("Select", {"all": "all on show"} | {f"select_{group}": group.replace("_", " ") for group in GROUPS}),
-    "shape": ("Hand shape", {f"shape_{name}": name for name in HANDSHAPES} | _OTHER_SHAPES),
+    "shape": ("Hand shape", {name: ACTIONS[name].title.removeprefix("Hand shape: ") for name in _SHAPES}),
 }
 """Titles, and the actions with what they are called there."""
 

@@ -8,6 +8,7 @@ from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, GROUPS, PARTS
 from tcfit_app.exports.table import exports
+from tcfit_app.project.edits.kinds import SWAPPABLE
 from tcfit_app.review.browser.page_states import Hint, Hints, KeyBinding
 from tcfit_app.review.gestures.correcting import NUDGES, Correcting
 from tcfit_app.review.gestures.correcting_depth import CorrectingDepth, limbs_of
@@ -378,13 +379,6 @@ _VIEW: tuple[_Row, ...] = (
     ("first_steps", "Show the first steps", "", lambda g: g.show_first_steps(), ()),
     ("help", "Show all keys", "h", _toggle("keys"), ()),
 )
-_SWAPS = {
-    "body": ("Swap left and right of the body", "s"),
-    "arms": ("Swap left and right of the arms", ""),
-    "legs": ("Swap left and right of the legs", ""),
-    "hands": ("Swap the hands", "Shift+s"),
-}
-"""Titles and keys, by the name in SWAPPABLE."""
 _KEYPOINTS: tuple[_Row, ...] = (
     ("bad", "Mark bad, or restore", "x", lambda g: g.correcting.toggle_bad(), _OF_JOINTS),
     ("reset", "Reset to the detection", "Backspace Delete", lambda g: g.correcting.reset(), _OF_JOINTS),
@@ -399,8 +393,8 @@ _KEYPOINTS: tuple[_Row, ...] = (
         (writable, keypoints, some_key, joints, key),
     ),
     *(
-        (f"swap_{part}", title, keys, lambda g, part=part: g.correcting.swap_sides(part), _EDIT)
-        for part, (title, keys) in _SWAPS.items()
+        (f"swap_{name}", f"Swap left and right: {name}", key, lambda g, name=name: g.correcting.swap_sides(name), _EDIT)
+        for name, key in ({name: "" for name in SWAPPABLE} | {"body": "s", "hands": "Shift+s"}).items()
     ),
     ("mirror_depth", "Mirror in depth", "Shift+m", lambda g: g.depth.send("mirror"), (*_EDIT, limbs, fit)),
     ("in_front", "Put in front of shoulder or hip", "", lambda g: g.depth.send("front"), (*_EDIT, limbs, fit)),
@@ -478,13 +472,7 @@ _FIT: tuple[_Row, ...] = (
 )
 _CLIPS: tuple[_Row, ...] = (
     ("approve", "Approve clip / withdraw approval", "Shift+o", lambda g: g.reviewing.approve(), (writable, _finished)),
-    (
-        "approve_next",
-        "Approve the clip and go to the next",
-        "",
-        lambda g: g.reviewing.approve_and_leave(),
-        (writable, _finished, _listed),
-    ),
+    ("approve_next", "Approve and next", "", lambda g: g.reviewing.leave_approved(), (writable, _finished, _listed)),
     ("next_clip", "Next clip of the list", "PageDown", lambda g: g.reviewing.leave("next"), (_listed,)),
     ("previous_clip", "Previous clip of the list", "PageUp", lambda g: g.reviewing.leave("previous"), (_listed,)),
     ("list", "All clips", "Shift+Home", lambda g: g.reviewing.leave("list"), (_listed,)),

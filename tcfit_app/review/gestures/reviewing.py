@@ -118,7 +118,7 @@ class Reviewing:
         project.review.approve(tab.reviewer)
         tab.say(f"Approved by {tab.reviewer}. Shift+O withdraws it")
 
-    def approve_and_leave(self) -> None:
+    def leave_approved(self) -> None:
         """Approve the clip unless it is approved, and go to the next clip. Raises InputError as `approve` does."""
         if not self.approved:
             self.approve()

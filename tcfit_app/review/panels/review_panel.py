@@ -28,7 +28,7 @@ from tcfit_app.review.panels.elements.html import (
     paragraph,
     row,
 )
-from tcfit_app.review.panels.elements.selected_frames import named, unseen
+from tcfit_app.review.panels.elements.selected_frames import unseen
 from tcfit_app.review.panels.notes import Notes
 from tcfit_app.review.panels.who_is_who import WhoIsWho
 
@@ -172,10 +172,10 @@ class ReviewPanel:
         if tab.hidden_frames_chosen:
             return [row(following, more), *unseen(tab)]
         fine = 'Undo "looks fine"' if reviewing.fine else "Looks fine"
-        entry = reviewing.on_show
-        subject = "" if entry is None else reviewing.subject(entry)
-        label = fine if entry is not None else named(fine, tab)
-        return [row(act("fine", label, hint=subject), following, more)]
+        if (entry := reviewing.on_show) is not None:
+            return [row(act("fine", fine, hint=reviewing.subject(entry)), following, more)]
+        where = "" if tab.state.frames is None else f", {in_words(tab.state.frames, tab.first_frame)}"
+        return [row(act("fine", f"{fine}{where}"), following, more)]
 
     def _more(self) -> list[Item | None]:
         """The menu of what is needed less often."""
@@ -207,7 +207,7 @@ class ReviewPanel:
         by = reviewing.approved
         buttons = [self._action("approve", f"Approved by {by}" if by else "Approve clip")]
         if tab.in_list:
-            buttons.append(self._action("approve_next", "Approve and next"))
+            buttons.append(self._action("approve_next"))
         return [heading("Done with this clip?"), row(*buttons)]
 
     def _draw_damage(self) -> None:

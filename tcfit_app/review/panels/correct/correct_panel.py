@@ -7,7 +7,7 @@ import viser
 
 from fitting_core.keypoints import COUNT, PARTS
 from tcfit_app.analysis.body_regions import full_name
-from tcfit_app.project.edits.keyframes import LONGEST_GAP
+from tcfit_app.project.edits.kinds import SWAPPABLE
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.actions import Gestures, refusal
 from tcfit_app.review.gestures.correcting_depth import limbs_of
@@ -36,7 +36,6 @@ _HOW = "Click a keypoint and drag it: the fit follows. Shift-drag draws a rectan
 _JOINTS = {full_name(joint): joint for joint in range(COUNT)}
 """Keypoints by their names in the dropdown."""
 assert len(_JOINTS) == COUNT
-_KEYFRAMES = f"Between two frames at most {LONGEST_GAP} apart in which a keypoint was moved, it is interpolated"
 _FOLLOW = "After an edit, its frame and the frames around it are refitted"
 
 
@@ -117,13 +116,7 @@ class CorrectPanel:
 
     def _of_keypoints(self) -> list[Html]:
         act, gestures = self._action, self._gestures
-        more = (
-            action_item(gestures, "copy", "Copy from the previous frame"),
-            action_item(gestures, "delete_key", "Delete keyframe"),
-            None,
-            action_item(gestures, "keyframes", "Keyframes"),
-            action_item(gestures, "hand_along", "Hand follows its wrist"),
-        )
+        more = [action_item(gestures, name) for name in ("copy", "delete_key", "keyframes", "hand_along")]
         bad = [*states(self._tab)] == ["marked bad"]
         return [
             row(act("bad", "Restore" if bad else "Mark bad"), act("reset", "Reset")),
@@ -145,12 +138,7 @@ class CorrectPanel:
     def _of_frames(self) -> list[Html]:
         """What acts on frames, whatever is selected."""
         gestures, again = self._gestures, self._gestures.again
-        swaps = (
-            action_item(gestures, "swap_body", "Body"),
-            action_item(gestures, "swap_arms", "Arms"),
-            action_item(gestures, "swap_legs", "Legs"),
-            action_item(gestures, "swap_hands", "Hands"),
-        )
+        swaps = [action_item(gestures, f"swap_{part}", part.capitalize()) for part in SWAPPABLE]
         swap = menu_button("Swap left and right ▾", "correct.swap", swaps)
         if again.busy and (going := again.going) is not None:
             words = going.title if going.stopping else f"{going.title}: {going.text}"

@@ -5,11 +5,6 @@ from tcfit_app.review.panels.elements.html import Html, button, paragraph, row
 from tcfit_app.review.tab.tab import Tab
 
 
-def named(label: str, tab: Tab) -> str:
-    """A button's label, with the selected frames if any: "Mark bad, frames 3–7"."""
-    return label if tab.state.frames is None else f"{label}, {in_words(tab.state.frames, tab.first_frame)}"
-
-
 def unseen(tab: Tab) -> list[Html]:
     """What to do while the frame on show is not among the selected ones: then nothing is changed."""
     if not tab.hidden_frames_chosen:
