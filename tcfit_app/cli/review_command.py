@@ -109,13 +109,13 @@ def check_folders(options: ServerOptions, *, models: Path | None = None) -> None
 
 
 def is_list(options: ReviewOptions) -> bool:
-    """Whether the path is a folder of clips and not a clip itself."""
+    """Whether the path is a folder of clips, or an empty one for clips, and not a clip itself."""
     folder = options.video
     if folder is None or options.keypoints is not None or not folder.is_dir():
         return False
     if is_project(folder) or holds_people(folder) or (folder / "images").is_dir() or (folder / "keypoints").is_dir():
         return False
-    return not image_files(folder) and bool(find(folder.resolve()))
+    return not any(folder.iterdir()) or (not image_files(folder) and bool(find(folder.resolve())))
 
 
 def _review_many(options: ReviewOptions) -> None:

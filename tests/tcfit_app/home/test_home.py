@@ -314,6 +314,8 @@ def test_those_who_signed_in_are_named(tmp_path: Path, free_body: BodyModel):
 def test_which_folders_are_lists(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture[str]):
     root = folder_of_clips(tmp_path / "corpus", free_body)
     assert is_list(ReviewOptions(video=root))
+    (tmp_path / "empty").mkdir()
+    assert is_list(ReviewOptions(video=tmp_path / "empty")), "its page says how to add a clip"
     assert not is_list(ReviewOptions(video=root / "a new.tcfit"))
     (tmp_path / "frames").mkdir()
     (tmp_path / "frames" / "0.png").write_bytes(b"x")

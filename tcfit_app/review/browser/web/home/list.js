@@ -154,7 +154,9 @@ function drawNow() {
   drawButtons();
   table.show({ rows: shown, selected, current: kept.current, sort: kept });
   nothing.hidden = shown.length > 0 || !arrived;
-  nothing.textContent = rows.size ? "No clip matches." : "There is no clip in this folder any more.";
+  nothing.textContent = rows.size
+    ? "No clip matches. Clear the search, or choose another state."
+    : "There is no clip in this folder yet. Copy a video, a folder of frames or a project into it, and it appears here.";
   keep();
 }
 
