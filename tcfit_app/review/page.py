@@ -20,17 +20,17 @@ from tcfit_app.fitting.reports import Notice
 from tcfit_app.review.browser import page_events
 from tcfit_app.review.browser.page_events import PageEvent
 from tcfit_app.review.browser.page_states import Beat, Cursor, Framing, Keys, Selection, Skeleton
+from tcfit_app.review.drawing.bar import Bar
+from tcfit_app.review.drawing.header import Header
 from tcfit_app.review.drawing.menus import menus
 from tcfit_app.review.drawing.picture import Picture
 from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
-from tcfit_app.review.drawing.status import Status
 from tcfit_app.review.drawing.timeline import Timeline
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, bindings, key_text
 from tcfit_app.review.gestures.edit_words import part_name
 from tcfit_app.review.gestures.keyframing import HANDS_OF
 from tcfit_app.review.panels import PANELS, Panel
 from tcfit_app.review.panels.key_list import KeyWindow
-from tcfit_app.review.panels.person_choice import PersonChoice
 from tcfit_app.review.panels.start_panel import StartPanel
 from tcfit_app.review.tab.tab import Tab
 from tcfit_app.server.serving import set_theme
@@ -115,7 +115,7 @@ class Page:
         self.tab = tab
         self.gestures = Gestures(self.tab)
         self.picture = Picture(self.tab, self.gestures.turning.rings)
-        self.timeline, self.status = Timeline(self.tab), Status(self.gestures)
+        self.timeline, self.bar, self.header = Timeline(self.tab), Bar(self.gestures), Header(self.gestures)
         self._key_window = KeyWindow(self.gestures)
         self._faults = Faults(lambda notice: self.tab.notify(notice))
         self._followed: int | None = None
@@ -159,14 +159,12 @@ class Page:
             self._tabs.visible = on and begun
             if self._start is not None:
                 self._start.visible = on and not begun
-            self._person.show(on)
 
     @cached_property
     def panels(self) -> list[Panel]:
         """The panels, created after the picture: they take half a second in the browser."""
         self._add_commands()
         gui, made = self.tab.client.gui, []
-        self._person = PersonChoice(self.tab)
         begun = self.tab.session.project.has_detections
         self._start = None if begun else gui.add_tab_group()
         self._tabs = gui.add_tab_group(visible=begun)
@@ -292,7 +290,8 @@ class Page:
         self._attempt("draw the selection", self._draw_selection, now)
         self._attempt("draw the timeline", self.timeline.draw, now)
         problem = self.picture.problem or self.tab.shown.problem
-        self._attempt("draw the status line", lambda: self.status.draw(now, problem), now)
+        self._attempt("draw the bar", self.bar.draw, now)
+        self._attempt("draw the header", lambda: self.header.draw(now, problem), now)
         self._attempt("show the keys", self._key_window.draw, now)
         self.behind = max(0.0, self._next_panels - time.monotonic())
         if not self.behind:
@@ -305,7 +304,6 @@ class Page:
             self._start = None
             self.tab.show_panel("Fit")
         self._attempt("draw the menus", self._draw_menus, now)
-        self._attempt("draw the choice of the person", self._person.draw, now)
         for panel in panels:
             self._attempt(f"draw the panel {panel.title}", panel.draw, now)
         self._next_panels = time.monotonic() + _PAUSE * (time.thread_time() - begun)

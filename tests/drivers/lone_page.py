@@ -79,9 +79,9 @@ class LonePage:
     def _download(self, name: str, content: bytes, save_immediately: bool) -> None:
         self.downloads[name] = content
 
-    def only(self, kind: type) -> None:
+    def only(self, *kinds: type) -> None:
         """Leave the other panels alone from now on: what they show may come at any time."""
-        self.panels = [panel for panel in self.page.panels if isinstance(panel, kind)]
+        self.panels = [panel for panel in self.page.panels if isinstance(panel, kinds)]
 
     # --- what is seen ---
 
@@ -89,15 +89,18 @@ class LonePage:
         """Let the panels draw; the messages that this took."""
         self.sent.clear()
         self.page.tab.look()
+        self.page.bar.draw()
+        self.page.header.draw(time.monotonic(), "")
         for panel in self.panels:
             panel.draw()
         return list(self.sent)
 
     def html(self) -> str:
-        """All HTML that the panels show."""
+        """All HTML that header, bar and panels show."""
         self.draw()
         handles = [h for h in self._children() if isinstance(h, viser.GuiHtmlHandle)]
-        return "\n".join(handle.content for handle in handles)
+        around = [self.page.tab.channel._sent[name].html for name in ("header", "bar")]
+        return "\n".join([*around, *(handle.content for handle in handles)])
 
     def _children(self) -> list[Any]:
         containers = self.page.tab.client.gui._container_handle_from_uuid.values()

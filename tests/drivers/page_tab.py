@@ -46,6 +46,11 @@ _CANVAS_FITS = """() => {
   return Math.abs(canvas.clientHeight - box.clientHeight) <= 1;
 }"""
 """Whether viser's canvas has followed its box, some frames after the strip took or left its room."""
+_CANVAS = """() => {
+  const { clientWidth, clientHeight } = __viserMutable.canvas;
+  return [clientWidth, clientHeight, __viserMutable.canvas.getBoundingClientRect().top];
+}"""
+"""Its width and height, and where its upper edge is on the screen."""
 _STILL = """async () => {
   for (let was = "", still = 0; still < 15; await new Promise(requestAnimationFrame)) {
     const now = __viserMutable.camera.matrixWorld.elements.join();
@@ -142,13 +147,11 @@ class Tab:
         x, y, distance = camera.position[0], camera.position[1], -camera.position[2]
         self.page.wait_for_function(_CANVAS_FITS)
         # Not camera.image_height: viser draws coarser where drawing is slow, and counts those pixels.
-        width, height = self.page.evaluate(
-            "() => [__viserMutable.canvas.clientWidth, __viserMutable.canvas.clientHeight]"
-        )
+        width, height, top = self.page.evaluate(_CANVAS)
         scale = height / 2 / math.tan(camera.fov / 2) / distance
         world = ((u - WIDTH / 2) / HEIGHT, (v - HEIGHT / 2) / HEIGHT)
         middle = width * (window[0] + window[2]) / 2, height * (window[1] + window[3]) / 2
-        return (middle[0] + (world[0] - x) * scale, middle[1] + (world[1] - y) * scale)
+        return (middle[0] + (world[0] - x) * scale, top + middle[1] + (world[1] - y) * scale)
 
     def scale(self) -> float:
         """Screen pixels of an image's pixel."""
@@ -163,7 +166,7 @@ class Tab:
         """Whether it has something there, after the frames that the page draws by itself."""
         self.page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
         look = "([x, y]) => document.querySelector('.tcfit > canvas').getContext('2d').getImageData(x, y, 1, 1).data[3]"
-        return self.page.evaluate(look, [round(x), round(y)]) > 100
+        return self.page.evaluate(look, [round(x), round(y - self.page.evaluate(_CANVAS)[2])]) > 100
 
     def text(self, selector: str) -> str | None:
         """Of an element on show."""
@@ -219,6 +222,7 @@ class Tab:
         self.settle()
 
 
+BAR = states.Markup(html='<div class="tcfit-now"></div><div class="tcfit-frames"></div>')
 POSTER = states.Layout(
     mode="poster", image=(WIDTH, HEIGHT), posters=(states.Poster(width=WIDTH / HEIGHT, label="Edit"),)
 )
@@ -278,7 +282,7 @@ GUTTER, MARGIN = 178, 14
 """Left and right of the timeline's plot."""
 
 
-def strip_place(tab: Tab, frame: float, y: float = 70.0) -> tuple[float, float]:
+def strip_place(tab: Tab, frame: float, y: float = 43.0) -> tuple[float, float]:
     """On the screen, when the whole clip is shown; by default in the upper row."""
     box = tab.page.locator(".tcfit-strip").bounding_box()
     assert box is not None

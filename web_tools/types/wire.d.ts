@@ -247,14 +247,8 @@ export interface Notice {
   progress: number | null;
 }
 
-export interface Chip {
-  text: string;
-  kind: "busy" | "error" | "good" | "info" | "warning";
-  progress: number | null;
-}
-
-export interface Chips {
-  chips: Chip[];
+export interface Markup {
+  html: string;
 }
 
 export interface Beat {
@@ -456,7 +450,8 @@ export interface States {
   cursor: Cursor;
   keys: Keys;
   notice: Notice;
-  chips: Chips;
+  header: Markup;
+  bar: Markup;
   legend: Legend;
   silhouette: Silhouette;
   beat: Beat;

@@ -443,18 +443,11 @@ class Notice(_State, frozen=True, kw_only=True):
     """0 to 1."""
 
 
-class Chip(_State, frozen=True, kw_only=True):
-    """A line at the canvas's lower edge."""
+class Markup(_State, frozen=True, kw_only=True):
+    """HTML of the header above the picture, or of the bar under it."""
 
-    text: str
-    kind: Literal["info", "busy", "good", "warning", "error"] = "info"
-    progress: float | None = None
-
-
-class Chips(_State, frozen=True, kw_only=True):
-    """All of them, left to right."""
-
-    chips: tuple[Chip, ...] = ()
+    html: str
+    """Its parts, as many each time: those that have not changed are left as they are."""
 
 
 class Beat(_State, frozen=True, kw_only=True):
@@ -545,7 +538,8 @@ STATES: dict[str, type[_State]] = {
     "cursor": Cursor,
     "keys": Keys,
     "notice": Notice,
-    "chips": Chips,
+    "header": Markup,
+    "bar": Markup,
     "legend": Legend,
     "silhouette": Silhouette,
     "beat": Beat,

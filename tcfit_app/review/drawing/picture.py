@@ -23,7 +23,6 @@ from tcfit_app.review.browser.page_states import Poster as PosterPlace
 from tcfit_app.review.browser.page_states import Space as SpaceState
 from tcfit_app.review.drawing.frame import Frame, Frames
 from tcfit_app.review.drawing.overlays import draw_overlays
-from tcfit_app.review.drawing.status import lasting
 from tcfit_app.review.scene.layers import DISTANCE_LIMIT, BodyLayer, color_table, css
 from tcfit_app.review.scene.poses import Window
 from tcfit_app.review.scene.poster import PICTURE_NODES, SIDE_NODE, Poster, Posters, SidePoster
@@ -37,7 +36,7 @@ from tcfit_app.review.tab.tab import Tab
 
 _LEGEND_COLORS = 9
 _BELOW = 34.0
-"""CSS pixels below the posters kept free for the colour bar, and for messages that last."""
+"""CSS pixels below the posters kept free for the colour bar."""
 _OTHERWISE_NAMED = {"nose": "head", "left_big_toe": "left_foot", "right_big_toe": "right_foot"}
 _JOINTS = [
     JOINTS.index(joint) if (joint := _OTHERWISE_NAMED.get(name, name)) in JOINTS else None for name in NAMES[BODY]
@@ -87,7 +86,7 @@ class Picture:
         tab, snapshot = self._tab, self._snapshot(frame)
         compared = any(body.values is not None for body in frame.visible.values())
         tab.channel.send("legend", LEGEND if compared else None)
-        covered = _BELOW if isinstance(snapshot, Posters) and (compared or lasting(tab)) else 0.0
+        covered = _BELOW if isinstance(snapshot, Posters) and compared else 0.0
         tab.scene.cameras.follow(tab.size if tab.size[0] else None, covered)
         tab.scene.show(snapshot)
         if isinstance(snapshot, Posters):

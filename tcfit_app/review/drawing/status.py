@@ -1,7 +1,9 @@
-"""The status line of one tab: what is being fitted, what was saved, what is wrong."""
+"""What a tab's header says of its clip: what is being fitted, what was saved, what is wrong."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 
@@ -9,48 +11,55 @@ from fitting_core.body.geometry import SIDES
 from fitting_core.errors import InputError
 from fitting_core.keypoints import BODY, NAMES
 from tcfit_app.analysis.body_regions import spoken
-from tcfit_app.fitting.fit_progress import in_words
+from tcfit_app.fitting.fit_progress import time_left
 from tcfit_app.fitting.reports import RunningJob
 from tcfit_app.project.edits.corrected import Corrected
-from tcfit_app.review.browser.page_states import Chip, Chips, Notice
+from tcfit_app.review.browser.page_states import Notice
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.gestures.edit_words import also_here, part_name
+from tcfit_app.review.gestures.edit_words import part_name
 from tcfit_app.review.session.tasks import Task
 from tcfit_app.review.shared.drawing_data import DrawingData, FrameBody
 from tcfit_app.review.tab.tab import Tab
 
 
+@dataclass(frozen=True, kw_only=True)
+class Message:
+    """What is being done or is wrong, in a line."""
+
+    text: str
+    kind: Literal["info", "busy", "good", "warning"] = "info"
+    progress: float | None = None
+    hint: str = ""
+    """More about it."""
+    panel: str = ""
+    """The panel in which something can be done about it."""
+    cancel: Callable[[], object] | None = None
+    """Cancels what is being done."""
+
+
 class Status:
-    """Draws one tab's status line and notices; called repeatedly, it sends only changes."""
+    """What one tab's header says of its clip."""
 
     def __init__(self, gestures: Gestures) -> None:
         self._tab, self._correcting, self._again = gestures.tab, gestures.correcting, gestures.again
 
-    def draw(self, now: float, problem: str) -> None:
-        """Send what changed; `problem` says what cannot be shown, and why."""
-        tab = self._tab
-        tab.channel.send("chips", Chips(chips=tuple(self.chips(now, problem))))
-        tab.channel.send("notice", self._notice())
-
-    def chips(self, now: float, problem: str) -> list[Chip]:
-        """The current messages; `problem` as in `draw`."""
+    def messages(self, now: float, problem: str) -> list[Message]:
+        """The current messages, the most urgent first; `problem` says what cannot be shown, and why."""
         tab, session = self._tab, self._tab.session
         running = [job for job in session.jobs.values() if job.started]
-        chips = [progress_chip(job) for job in running]
+        found = self._detecting()
+        found += [progress_message(job, partial(session.cancel, job.run)) for job in running]
         if session.edit_follower.busy and not self._correcting.dragging:
-            chips.append(Chip(text="Fit is following the edit", kind="busy"))
-        chips += self._again_chips()
+            found.append(Message(text="Fit is following the edit", kind="busy"))
         if waiting := len(session.jobs) - len(running):
-            chips.append(Chip(text=f"{waiting} waiting", kind="busy"))
-        if going := self._finding():
-            chips.append(going)
-        of_frame = tab.data.video.problem_of(tab.first_frame + tab.state.frame)
-        frame_problem = "" if session.project.media.problem else of_frame
-        chips += [Chip(text=text, kind="warning") for text in (frame_problem, problem, self._gap()) if text]
+            found.append(Message(text=f"{waiting} waiting", kind="busy"))
         text, until = tab.message
         if text and now < until:
-            chips.append(Chip(text=text, kind="good"))
-        return [*chips, *lasting(tab)]
+            found.append(Message(text=text, kind="good"))
+        of_frame = tab.data.video.problem_of(tab.first_frame + tab.state.frame)
+        frame_problem = "" if session.project.media.problem else of_frame
+        found += [Message(text=text, kind="warning") for text in (frame_problem, problem, self._gap()) if text]
+        return [*found, *lasting(tab)]
 
     def _gap(self) -> str:
         """Which selected correction the body does not reach, and what to move as well; empty if it reaches them all."""
@@ -64,29 +73,16 @@ class Status:
         except InputError:  # the body is missing, which `problem` says
             return ""
 
-    def _again_chips(self) -> list[Chip]:
-        """What is being detected again, or what the rectangle to be drawn is for."""
-        chips, going, framing = [], self._again.going, self._again.framing
-        if framing is not None:
-            chips.append(Chip(text=f"Draw a rectangle around the {part_name(framing)}; Esc cancels"))
-        if going is not None and going.state == "running":
-            chips.append(task_chip(going))
-        return chips
-
-    def _notice(self) -> Notice | None:
-        """A card if there is nothing else to see."""
-        project = self._tab.session.project
-        if project.has_detections or project.media.path is not None:
-            return None
-        text = "This project has no keypoints yet, and its video is missing. Import keypoints in the panel Start."
-        return Notice(title="Nothing to show yet", text=text)
-
-    def _finding(self) -> Chip | None:
-        """The progress of the keypoint job, if one runs."""
-        going = self._tab.session.source.going
-        if self._tab.session.project.has_detections or going is None or going.state != "running":
-            return None
-        return task_chip(going)
+    def _detecting(self) -> list[Message]:
+        """What is being detected, or what the rectangle to be drawn is for."""
+        found, again, session = [], self._again, self._tab.session
+        if again.framing is not None:
+            words = f"Draw a rectangle around the {part_name(again.framing)}"
+            found.append(Message(text=words, cancel=again.give_up_framing))
+        for task, cancel in ((again.going, again.cancel), (session.source.going, session.source.cancel)):
+            if task is not None and task.state == "running":
+                found.append(task_message(task, cancel))
+        return found
 
 
 GAP = 0.01
@@ -115,22 +111,29 @@ def _gap_words(joint: int, gap: float) -> str:
     return f"The body is still {gap:.0f} px from the {spoken(joint)}. Move {also} too, or reset the keypoint"
 
 
-def lasting(tab: Tab) -> list[Chip]:
-    """The messages that stay until something is done about them; pictures leave room for these."""
-    session, chips = tab.session, []
+def lasting(tab: Tab) -> list[Message]:
+    """The messages that stay until something is done about them."""
+    session, found = tab.session, []
     project = session.project
-    if others := also_here(tab.authors(), tab.author):
-        chips.append(Chip(text=others))
     if project.read_only:
-        chips.append(Chip(text="Read-only: nothing can be changed", kind="warning"))
+        found.append(Message(text="Read-only", hint="Nothing can be changed", kind="warning"))
     if not project.has_detections:
         if not session.source.busy:
-            chips.append(Chip(text="No keypoints yet: find them in the panel Start", kind="warning"))
+            found.append(Message(text="No keypoints yet", panel="Start", kind="warning"))
     elif not session.jobs and not session.fits.showable():
-        how = "" if project.read_only else ": press Shift+R, or Fit everything in the panel Fit"
-        chips.append(Chip(text=f"No fit yet{how}"))
+        found.append(Message(text="No fit yet", panel="Fit"))
     damaged = damage_in_short(project.damage)
-    return [*chips, *(Chip(text=text, kind="warning") for text in (damaged, project.media.problem) if text)]
+    problems = (text for text in (damaged, project.media.problem) if text)
+    return [*found, *(Message(text=text, panel="Review", kind="warning") for text in problems)]
+
+
+def notice(tab: Tab) -> Notice | None:
+    """A card over the picture if there is nothing else to see."""
+    project = tab.session.project
+    if project.has_detections or project.media.path is not None:
+        return None
+    text = "This project has no keypoints yet, and its video is missing. Import keypoints in the panel Start."
+    return Notice(title="Nothing to show yet", text=text)
 
 
 def damage_in_short(damage: Sequence[str]) -> str:
@@ -140,16 +143,17 @@ def damage_in_short(damage: Sequence[str]) -> str:
     return f"Damaged: {damage[0]}, and {len(damage) - 1} more (see the panel Review)"
 
 
-def progress_chip(job: RunningJob) -> Chip:
-    """The progress of a running job, in one line."""
+def progress_message(job: RunningJob, cancel: Callable[[], object]) -> Message:
+    """The progress of a running job."""
     progress = job.progress
     if progress is None:
-        return Chip(text=f"{job.title}: starting", kind="busy")
-    text = f"{job.title}: {in_words(progress.phrase, progress.remaining)}"
-    return Chip(text=text, kind="busy", progress=round(progress.fraction, 2))
+        return Message(text="Fitting", hint=f"{job.title}: starting", kind="busy", cancel=cancel)
+    share, left = round(progress.fraction, 2), time_left(progress.remaining)
+    text = f"Fitting {share:.0%}".replace("%", " %") + (left and f" · {left}")
+    return Message(text=text, hint=f"{job.title}: {progress.phrase}", kind="busy", progress=share, cancel=cancel)
 
 
-def task_chip(task: Task[Any]) -> Chip:
-    """The progress of a task, in one line."""
+def task_message(task: Task[Any], cancel: Callable[[], object]) -> Message:
+    """The progress of a task."""
     progress = None if task.share is None else round(task.share, 2)
-    return Chip(text=f"{task.title}: {task.words}", kind="busy", progress=progress)
+    return Message(text=f"{task.title}: {task.words}", kind="busy", progress=progress, cancel=cancel)

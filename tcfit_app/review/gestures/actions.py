@@ -24,7 +24,7 @@ from tcfit_app.review.gestures.shaping import ShapingHands
 from tcfit_app.review.gestures.turning import Turning
 from tcfit_app.review.gestures.zooming import next_close_up, show_whole, zoom_to_selection
 from tcfit_app.review.scene.side_view import DIRECTION_TEXTS
-from tcfit_app.review.tab.state import CONTROLS, MODES, OPACITIES, Section, Switch
+from tcfit_app.review.tab.state import CONTROLS, MODES, OPACITIES, Section
 from tcfit_app.review.tab.state import Need as StateNeed
 from tcfit_app.review.tab.tab import Tab
 
@@ -336,7 +336,7 @@ def _switches(*sections: Section) -> tuple[_Row, ...]:
         (name, row.title, row.keys, _toggle(name), tuple(NEEDS[need] for need in row.needs))
         for section in sections
         for name, row in CONTROLS.items()
-        if isinstance(row, Switch) and row.section == section
+        if row.section == section
     )
 
 
@@ -361,7 +361,7 @@ _VIEW: tuple[_Row, ...] = (
         )
         for number, (mode, name) in enumerate(MODES.items(), 1)
     ),
-    *_switches("fits", "bodies", "space", "side", "picture"),
+    *_switches("shown", "body", "compare"),
     ("wipe", "A | B: with a divider, on or off", "w", _wipe, (bodies,)),
     ("next_person", "Next person of the clip", "q", _go_to_next_person, (others,)),
     ("fainter", "Less opacity", ",", lambda g: _change_opacity(g.tab, -0.1), (bodies,)),

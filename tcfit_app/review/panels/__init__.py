@@ -11,7 +11,6 @@ from tcfit_app.review.panels.export_panel import ExportPanel
 from tcfit_app.review.panels.fit.fit_panel import FitPanel
 from tcfit_app.review.panels.review_panel import ReviewPanel
 from tcfit_app.review.panels.runs.runs_panel import RunsPanel
-from tcfit_app.review.panels.view_panel import ViewPanel
 
 
 class Panel(Protocol):
@@ -40,5 +39,5 @@ def add_panel(kind: type[Panel]) -> None:
     ACTIONS.update(panel_actions([panel.title for panel in PANELS]))
 
 
-for _kind in (ViewPanel, CorrectPanel, ReviewPanel, FitPanel, RunsPanel, ComparePanel, ExportPanel):
+for _kind in (CorrectPanel, ReviewPanel, FitPanel, RunsPanel, ComparePanel, ExportPanel):
     add_panel(_kind)

@@ -31,6 +31,7 @@ from tcfit_app.review.panels.elements.html import (
     text,
     words,
 )
+from tcfit_app.review.panels.fits_shown import FitsShown
 from tcfit_app.review.session.tasks import Step
 from tcfit_app.review.tab.on_show import SLOT_COLORS
 from tcfit_app.review.tab.tab import Tab
@@ -38,7 +39,7 @@ from tcfit_app.review.tab.tab import Tab
 _MEASURING = "Measuring …"
 _NO_FIT = "Nothing is compared: choose Compare (2)."
 _BETTER = "better in green"
-_SAME = "A and B are the same fit: choose another in the panel View or Runs."
+_SAME = "A and B are the same fit: choose another one above."
 
 
 class ComparePanel:
@@ -50,6 +51,7 @@ class ComparePanel:
     def __init__(self, gestures: Gestures) -> None:
         self._gestures, self._tab = gestures, gestures.tab
         tab = gestures.tab
+        self._shown = FitsShown(gestures)
         self._head, self._against = Board(tab), Board(tab)
         self._figures = Board(tab)
         with tab.client.gui.add_folder("Reference", expand_by_default=False):
@@ -59,6 +61,7 @@ class ComparePanel:
         """See `Panel.draw`."""
         tab = self._tab
         a, b = tab.shown.a, tab.shown.b
+        self._shown.draw()
         self._reference.draw()
         if a is None or b is None:
             self._head.show(paragraph(_NO_FIT, "dim"))
@@ -77,7 +80,7 @@ class ComparePanel:
         same = (a.run.id, a.phase) == (b.run.id, b.phase)
         if same:
             rows.append(paragraph(_SAME, "dim"))
-        return [heading("Fits on show", first=True), *rows]
+        return rows
 
     def _draw_figures(self, a: Shown, b: Shown) -> None:
         """The figures available so far."""

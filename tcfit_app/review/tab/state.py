@@ -28,8 +28,8 @@ HELD_BY: dict[Part, int] = {
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 Need = Literal["bodies", "picture", "silhouettes", "others", "writable", "keypoints"]
 """What must hold before a control can be used: a name in `NEEDS` of the gestures."""
-Section = Literal["playing", "fits", "bodies", "side", "picture", "space", "keyframes"]
-"""The part of a panel in which a control is."""
+Section = Literal["playing", "shown", "body", "compare", "keyframes"]
+"""Where a switch is: in the bar, in one of its menus Body and Compare, or among the keyframes' in a panel."""
 
 
 @dataclass(frozen=True)
@@ -44,21 +44,10 @@ class Switch:
     keys: str = ""
     """As in the rows of ACTIONS."""
     needs: tuple[Need, ...] = ()
-    optional: bool = False
-    """The button is left out, not disabled, while its needs are not met."""
 
 
-@dataclass(frozen=True)
-class Choice:
-    """The row of a field with some values: buttons of which one is pressed."""
-
-    label: str
-    options: Mapping[Any, str]
-    """The values and what they are called."""
-
-
-def control(default: object, row: Switch | Choice) -> Any:
-    """A field of TabState that users set by the control of a row."""
+def control(default: bool, row: Switch) -> Any:
+    """A field of TabState that users switch."""
     return field(default=default, metadata={"control": row})
 
 
@@ -92,11 +81,9 @@ class TabState:
     """A and B share a window in A | B, with a divider; otherwise each has its own, as large as possible."""
     clipped: bool = control(
         True,
-        Switch("bodies", "Clip to picture", "Bodies clipped to the picture, on or off", needs=("bodies", "picture")),
+        Switch("body", "Clip to picture", "Bodies clipped to the picture, on or off", needs=("bodies", "picture")),
     )
-    blinked: bool = control(
-        False, Switch("fits", "Blink A in B's place", "Blink: A in B's place", "b", needs=("bodies",))
-    )
+    blinked: bool = control(False, Switch("compare", "Blink", "Blink: A in B's place", "b", needs=("bodies",)))
     selection: tuple[int, ...] = ()
     """Selected keypoints, the last selected at the end."""
     suggested: bool = False
@@ -116,26 +103,25 @@ class TabState:
         ),
     )
     """A moved wrist takes its hand along, and a hand's wrist the body's."""
-    side: bool = control(True, Switch("side", "Show", "Side view on or off", "v", needs=("bodies",)))
+    side: bool = control(True, Switch("shown", "Side view", "Side view on or off", "v", needs=("bodies",)))
     """The side view is beside the picture, if there is a fit."""
     side_from: Direction = "right"
     """Where its viewer is. The plate is to the right of the picture, hence this default side."""
     close_up: Part | None = None
     """What the view follows from frame to frame; in Edit beside the video alone."""
     playing: bool = False
-    speed: float = control(1.0, Choice("Speed", {speed: f"{speed:g}×" for speed in SPEEDS}))
+    speed: float = 1.0
+    """One of SPEEDS."""
     loop: bool = control(True, Switch("playing", "Loop", "Loop on or off", "l"))
-    keypoints: bool = control(True, Switch("picture", "Keypoints", "Keypoints on or off", "k"))
+    keypoints: bool = control(True, Switch("shown", "Keypoints", "Keypoints on or off", "k"))
     silhouette: bool = control(
-        False, Switch("picture", "Silhouette", "Silhouette on or off", "Shift+u", needs=("silhouettes", "picture"))
+        False, Switch("body", "Silhouette", "Silhouette on or off", "Shift+u", needs=("silhouettes", "picture"))
     )
-    bodies: bool = control(True, Switch("bodies", "Bodies", "Bodies on or off", "m", needs=("bodies",)))
-    outline: bool = control(False, Switch("bodies", "Outline", "Outline on or off", "u", needs=("bodies", "picture")))
-    others: bool = control(
-        True, Switch("bodies", "Other people", "The clip's other people on or off", needs=("others",), optional=True)
-    )
+    bodies: bool = control(True, Switch("shown", "Bodies", "Bodies on or off", "m", needs=("bodies",)))
+    outline: bool = control(False, Switch("body", "Outline", "Outline on or off", "u", needs=("bodies", "picture")))
+    others: bool = control(True, Switch("body", "Other people", "The clip's other people on or off", needs=("others",)))
     difference: bool = control(
-        False, Switch("bodies", "A–B distance", "Colour by distance between A and B", "d", needs=("bodies",))
+        False, Switch("compare", "Colour by distance", "Colour by distance between A and B", "d", needs=("bodies",))
     )
     opacity: float = OPACITY
     """Of bodies."""
@@ -145,7 +131,9 @@ class TabState:
     """The rows of the timeline, names of PLOTS."""
     queue_kind: str = ""
     """Only entries of this kind of the review queue are listed; empty: all."""
-    ghost: bool = control(False, Switch("space", "A as a ghost", "A as a ghost in 3D, on or off", needs=("bodies",)))
+    ghost: bool = control(
+        False, Switch("compare", "Other fit as a ghost in 3D", "A as a ghost in 3D, on or off", needs=("bodies",))
+    )
     settings: FitSettings = field(default_factory=FitSettings)
     folds: frozenset[str] = frozenset()
     """The open folds of the panels, by name."""
@@ -160,7 +148,7 @@ class TabState:
         return self.mode == "ab" or self.blinked or self.difference or (self.mode == "space" and self.ghost)
 
 
-CONTROLS: Mapping[str, Switch | Choice] = {
+CONTROLS: Mapping[str, Switch] = {
     one.name: one.metadata["control"] for one in fields(TabState) if "control" in one.metadata
 }
 """The rows, by field."""

@@ -176,7 +176,7 @@ def _drawn_and_exported(folder: Path, server: viser.ViserServer, body: BodyModel
             page.html()
             page.page.draw(time.monotonic())
             page.settle()
-        chips = [chip.text for chip in page.page.status.chips(time.monotonic(), "")]
+        chips = [chip.text for chip in page.page.header.status.messages(time.monotonic(), "")]
         assert [text for text in chips if text.startswith("Damaged")] == [damage_in_short(project.damage)] * bool(
             project.damage
         )

@@ -101,7 +101,6 @@ def test_the_page_follows_the_system_while_it_draws(review: Reviewing):
 
 @pytest.mark.parametrize("mode", ["ab", "space"])
 def test_modes(review: Reviewing, mode: str):
-    review.tab.get_by_role("tab", name="View", exact=True).click()
     review.app.post(lambda: review.page.tab.set(mode=mode, difference=True))
     assert faults(review) == []
 

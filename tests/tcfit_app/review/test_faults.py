@@ -96,7 +96,7 @@ def test_a_part_that_cannot_be_drawn_is_told_and_the_others_are_drawn(
         for tick in range(30):
             page.draw(tick / 60)
     assert [notice.title for notice in tested.notices] == ["Something went wrong in tcfit"]
-    assert "timeline" in tested.notices[0].text and calls(tested, "chips") == 1
+    assert "timeline" in tested.notices[0].text and calls(tested, "header") == 1
     page.draw(2 * AGAIN)
     assert calls(tested, "timeline") == 1 and len(tested.notices) == 1
 

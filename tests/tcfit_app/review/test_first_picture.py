@@ -50,7 +50,7 @@ def test_the_first_picture_is_drawn_where_it_stays(browser: "Browser", tmp_path:
     with reviewing(folder, browser) as first:
         review = opened(first.app, first.server, browser, script=CORNERS)
         review.tab.wait_for_function("corners.size > 0")
-        review.tab.get_by_role("tab", name="View", exact=True).wait_for()
+        review.tab.wait_for_selector("html.tcfit-ready", state="attached")
         review.rest()
         found = review.tab.evaluate("[...corners]")
         assert len(found) == 1, found
@@ -84,8 +84,7 @@ def test_viser_s_own_panel_is_never_seen(browser: "Browser", tmp_path: Path, sch
         tab = context.new_page()
         tab.add_init_script(SEEN)
         tab.goto(first.server.gate.link)
-        tab.get_by_role("tab", name="View", exact=True).wait_for()
-        tab.wait_for_function("document.documentElement.matches('.tcfit-ready')")
+        tab.wait_for_selector("html.tcfit-ready", state="attached")
         seen = tab.evaluate("[...seen]")
         assert f"all,false,{color}" in seen and not [one for one in seen if one.startswith("nothing,false")]
         assert tab.evaluate("() => getComputedStyle(document.documentElement, '::before').display") == "none"

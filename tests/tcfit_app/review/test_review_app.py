@@ -334,7 +334,7 @@ def test_a_reload_keeps_everything(review: Reviewing):
     review.press("2", lambda: review.page.tab.state.mode == "ab")
     review.press("End", lambda: review.frame == review.page.tab.length - 1)
     review.app.post(lambda: review.page.tab.set(frames=range(4, 9)))
-    until(lambda: "Frames 4–8" in review.tab.locator(".tcfit-strip-frames").inner_text(), "the selected frames")
+    until(lambda: "4–8" in review.tab.locator(".tcfit-frames").inner_text(), "the selected frames")
     before, edits = review.page.tab.state, review.session.project.last_edit
     client = review.page.tab.client.client_id
     review.tab.reload()
@@ -343,7 +343,7 @@ def test_a_reload_keeps_everything(review: Reviewing):
     assert review.session.project.last_edit == edits
     until(lambda: len(shown_labels(review)) == 2)
     until(lambda: body_in_page(review, 1), "the body")
-    until(lambda: "Frames 4–8" in review.tab.locator(".tcfit-strip-frames").inner_text(), "the selected frames")
+    until(lambda: "4–8" in review.tab.locator(".tcfit-frames").inner_text(), "the selected frames")
     assert not review.complaints
 
 
@@ -413,8 +413,8 @@ def labels_of(review: Reviewing, kind: str) -> list[str]:
 
 
 def chips(review: Reviewing) -> list[str]:
-    """The page's status line."""
-    return review.tab.evaluate("() => tcfit.state('chips')?.chips.map((c) => c.text) ?? []")
+    """What the header says, with the lines of its menu."""
+    return review.tab.evaluate("() => [...document.querySelectorAll('.tcfit-status > *')].map((one) => one.outerHTML)")
 
 
 def body_in_page(review: Reviewing, poster: int) -> list[float]:

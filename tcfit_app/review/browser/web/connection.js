@@ -192,7 +192,6 @@ function loseConnection() {
   clearTimeout(silence);
   waiting.clear();
   receive("fit", null); // whether it goes on is not known here
-  receive("chips", { chips: (states.chips?.chips ?? []).filter(({ kind }) => kind !== "busy") });
   receive("lost", true);
   asking = setTimeout(askAgain, ASK_AGAIN, false);
 }

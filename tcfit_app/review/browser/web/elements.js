@@ -1,9 +1,10 @@
 // The script's own elements, laid over viser's canvas, and how text and tooltips fit into them.
 
 import { element } from "./element.js";
+import { BARS_SHEET, HEADER_HEIGHT, BAR_HEIGHT } from "./bars/sheet.js";
 import { PANEL_SHEET, STYLE_SHEET } from "./style.js";
 import { THEME_SHEET } from "./theme.js";
-import { VISER_SHEET, canvas as sceneCanvas, canvasBox, correctCanvasSize, leaveRoomBelow } from "./viser/bridge.js";
+import { VISER_SHEET, canvas as sceneCanvas, canvasBox, correctCanvasSize, leaveRoom } from "./viser/bridge.js";
 
 export { element };
 
@@ -16,37 +17,46 @@ export function leaveField() {
     document.activeElement.blur();
 }
 
-element("style", "", document.head, THEME_SHEET + STYLE_SHEET + PANEL_SHEET + VISER_SHEET);
+element("style", "", document.head, THEME_SHEET + STYLE_SHEET + PANEL_SHEET + BARS_SHEET + VISER_SHEET);
 const box = canvasBox();
 box.classList.add("tcfit-stage");
 export const layer = element("div", "tcfit", box);
 export const overlayCanvas = element("canvas", "", layer);
-export const chipsBox = element("div", "tcfit-chips", layer);
 export const card = element("div", "tcfit-card", layer);
 export const legendBox = element("div", "tcfit-legend", layer);
 export const tooltip = element("div", "tcfit-tooltip", layer);
+export const header = element("header", "tcfit-panel tcfit-header", box);
+export const bar = element("div", "tcfit-panel tcfit-transport", box);
 export const strip = element("div", "tcfit-strip", box);
 export const stripCanvas = element("canvas", "", strip);
 export const stripFront = element("canvas", "", strip); // over the other: what moves while the clip plays
 export const stripTooltip = element("div", "tcfit-tooltip", strip);
-for (const hidden of [card, legendBox, tooltip, strip, stripTooltip]) hidden.hidden = true;
+for (const hidden of [card, legendBox, tooltip, header, bar, strip, stripTooltip]) hidden.hidden = true;
 overlayCanvas.setAttribute("role", "img");
 overlayCanvas.setAttribute("aria-label", "Keypoints and bones over the picture");
 sceneCanvas().setAttribute("role", "img");
 sceneCanvas().setAttribute("aria-label", "Picture: the video's frame and the bodies");
 card.setAttribute("role", "status");
+header.setAttribute("aria-label", "Clip");
+bar.setAttribute("role", "toolbar");
+bar.setAttribute("aria-label", "Playing and view");
 strip.setAttribute("role", "region");
 strip.setAttribute("aria-label", "Timeline");
 for (const hidden of [stripCanvas, stripFront]) hidden.setAttribute("aria-hidden", "true");
 correctCanvasSize();
 
-/** Gives the strip its height, taken from viser's canvas. While it is hidden, as before its content has come, its room
- * is kept: so the first picture is drawn in the size that it has in the end.
+/** Of header and bar, in CSS pixels. */
+export const barsHeight = () => HEADER_HEIGHT + (bar.offsetHeight || BAR_HEIGHT);
+
+/** Gives the strip its height: that, header and bar take their room from viser's canvas. While they are hidden, as
+ * before their content has come, their room is kept: so the first picture is drawn in the size that it has in the end.
  * @param {number} height CSS pixels @param {boolean} shown */
 export function setStripHeight(height, shown) {
-  strip.hidden = !shown;
+  const below = barsHeight() - HEADER_HEIGHT;
+  for (const part of [header, bar, strip]) part.hidden = !shown;
   strip.style.height = `${height}px`;
-  leaveRoomBelow(height);
+  strip.style.top = `calc(100% + ${below}px)`;
+  leaveRoom(height ? HEADER_HEIGHT : 0, height ? height + below : 0);
 }
 
 /** Makes a canvas as fine as the screen; its context, in CSS pixels, emptied. @param {HTMLCanvasElement} canvas */

@@ -1,9 +1,9 @@
-// What the app says over the picture: a card, lines at the lower edge, a colour bar, and the first steps.
+// What the app says over the picture: a card, a colour bar, and the first steps.
 
-/** @import { Chip, Hints, Legend, Notice } from "./wire" */
+/** @import { Hints, Legend, Notice } from "./wire" */
 
 import { states, watch } from "./connection.js";
-import { card, chipsBox, element, layer, legendBox } from "./elements.js";
+import { card, element, layer, legendBox } from "./elements.js";
 import { remember } from "./remembered.js";
 import { KIND_COLORS } from "./style.js";
 
@@ -58,18 +58,6 @@ function progressTrack(progress) {
   const track = element("div", "tcfit-track");
   element("div", "tcfit-bar", track).style.width = `${100 * progress}%`;
   return track;
-}
-
-watch("chips", (state) => chipsBox.replaceChildren(...(state?.chips ?? []).map(chip)));
-
-/** @param {Chip} chip */
-function chip({ text, kind, progress }) {
-  const made = element("div", "tcfit-chip");
-  made.style.setProperty("--kind", KIND_COLORS[kind]);
-  element("div", "tcfit-dot", made).style.background = KIND_COLORS[kind];
-  element("span", "", made, text);
-  if (progress !== null) element("div", "tcfit-bar", made).style.width = `${100 * progress}%`;
-  return made;
 }
 
 watch("legend", (legend) => {

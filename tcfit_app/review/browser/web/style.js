@@ -20,15 +20,6 @@ export const STYLE_SHEET = `
 .tcfit-lost ~ .tcfit-strip { pointer-events: none; }
 .tcfit-lost ~ .tcfit-strip::after { content: ""; position: absolute; inset: 0; background: color-mix(in srgb, var(--tcfit-stage) 50%, transparent); }
 .tcfit > canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
-.tcfit-chips { position: absolute; bottom: 8px; left: 8px; right: 8px; display: flex; flex-direction: column;
-  align-items: flex-start; gap: 4px; }
-.tcfit:has(.tcfit-legend:not([hidden])) .tcfit-chips { bottom: 42px; }
-.tcfit-chip { display: flex; align-items: center; gap: 8px; max-width: 100%; padding: 2px 10px; border-radius: 12px;
-  background: var(--tcfit-surface); border: 1px solid var(--tcfit-edge); font-size: 13px;
-  font-variant-numeric: tabular-nums; box-shadow: 0 2px 8px rgba(0, 0, 0, 0.3); overflow: hidden; position: relative; }
-.tcfit-chip span { overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
-.tcfit-dot { flex: none; width: 8px; height: 8px; border-radius: 50%; }
-.tcfit-chip .tcfit-bar { position: absolute; left: 0; bottom: 0; height: 2px; }
 .tcfit-divider { position: absolute; left: -9px; top: 0; width: 18px; pointer-events: auto; cursor: col-resize;
   touch-action: none; outline: none; }
 .tcfit-divider::before { content: ""; position: absolute; left: 8px; top: 0; bottom: 0; width: 2px; background: #eef2f6;
@@ -70,13 +61,6 @@ export const STYLE_SHEET = `
 .tcfit-strip button:hover:not(:disabled) { background: var(--tcfit-pointed); color: var(--tcfit-strong); }
 .tcfit-strip button:disabled { color: var(--tcfit-off); cursor: default; }
 .tcfit-strip :is(button, input, [tabindex]):focus-visible { outline: 2px solid var(--tcfit-accent); outline-offset: -1px; }
-.tcfit-strip-border { position: absolute; left: 0; right: 0; top: -4px; height: 8px; cursor: ns-resize; z-index: 1;
-  touch-action: none; }
-.tcfit-strip-border:hover, .tcfit-strip-border:active { background: linear-gradient(transparent 3px,
-  var(--tcfit-accent) 3px 5px, transparent 5px); }
-.tcfit-strip-head { position: absolute; left: 0; right: 0; top: 0; display: flex; align-items: center;
-  gap: 4px; padding: 2px 6px 0; justify-content: flex-end; }
-.tcfit-strip-frames { flex: none; display: flex; align-items: center; gap: 2px; color: var(--tcfit-strong); }
 .tcfit-strip-title { position: absolute; left: 0; display: grid; grid-template-columns: 1fr 16px; align-content: start; align-items: start; gap: 2px;
   padding: 3px 0 0 8px; overflow: hidden; line-height: 14px; pointer-events: none; }
 .tcfit-strip-title > p { grid-column: 1 / 3; display: flex; flex-wrap: wrap; gap: 0 9px; margin: 0; line-height: 15px; color: var(--tcfit-dim); }
@@ -119,7 +103,7 @@ export const STYLE_SHEET = `
 .tcfit-hints button { height: 28px; padding: 0 14px; border: 0; border-radius: 4px; background: var(--tcfit-accent);
   color: var(--tcfit-on-accent); font: 600 13px/1 ${FONT}; cursor: pointer; }
 .tcfit-hints button:focus-visible { outline: 2px solid var(--tcfit-strong); outline-offset: 1px; }
-.tcfit-menu [hidden], [hidden].tcfit-hints, [hidden].tcfit-person, [hidden].tcfit-tooltip, [hidden].tcfit-divider, [hidden].tcfit-card, [hidden].tcfit-legend, [hidden].tcfit-strip, [hidden].tcfit-strip-frames { display: none; }
+.tcfit-menu [hidden], [hidden].tcfit-hints, [hidden].tcfit-person, [hidden].tcfit-tooltip, [hidden].tcfit-divider, [hidden].tcfit-card, [hidden].tcfit-legend, [hidden].tcfit-strip { display: none; }
 `;
 
 export const PANEL_SHEET = `

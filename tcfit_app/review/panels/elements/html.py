@@ -9,13 +9,15 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from html import escape
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 from fitting_core.keypoints import GROUPS
+from tcfit_app.review.browser.page_states import Markup
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, Key, key_text
 from tcfit_app.review.tab.buttons import Presses
-from tcfit_app.review.tab.state import CONTROLS, Choice, Section, Switch
+from tcfit_app.review.tab.state import CONTROLS
 from tcfit_app.review.tab.tab import Tab
+from tcfit_app.server.viser_bridge import icon
 
 Value = TypeVar("Value")
 
@@ -49,6 +51,11 @@ def tag(name: str, content: object, **attributes: str) -> Html:
     )
     inner = text(content)
     return Html(f"<{name}{given}>{inner}</{name}>", inner.presses)
+
+
+def symbol(name: str) -> Html:
+    """One of viser's icons, before a label or in its place."""
+    return Html("".join(map(str.strip, icon(name).splitlines())))
 
 
 def dot(color: str) -> Html:
@@ -142,7 +149,7 @@ def action(
     """
     known = ACTIONS[name]
     keys, why, control = short_keys(known.keys), known.obstacle(gestures), CONTROLS.get(name)
-    if isinstance(control, Switch):
+    if control is not None:
         label, pressed = label or control.label, not why and bool(getattr(gestures.tab.state, name))
     hint = f"{hint or known.title} ({key_text(name)})" if keys else hint or known.title
     return button(
@@ -176,14 +183,14 @@ class Item:
     """Instead of `do`: the submenu."""
 
 
-def action_item(gestures: Gestures, name: str, label: str = "") -> Item:
+def action_item(gestures: Gestures, name: str, label: str = "", *, checked: bool | None = None) -> Item:
     """A menu's line for one of ACTIONS, as `action` is a button."""
     known = ACTIONS[name]
     why, control = known.obstacle(gestures), CONTROLS.get(name)
-    on = not why and bool(getattr(gestures.tab.state, name)) if isinstance(control, Switch) else None
-    shown = label or (control.label if isinstance(control, Switch) else known.title)
+    if control is not None:
+        label, checked = label or control.label, not why and bool(getattr(gestures.tab.state, name))
     keys = next(map(str, known.keys), "")
-    return Item(label=shown, do=lambda: gestures.run(name), keys=keys, obstacle=why, checked=on)
+    return Item(label=label or known.title, do=lambda: gestures.run(name), keys=keys, obstacle=why, checked=checked)
 
 
 def menu_button(
@@ -228,24 +235,6 @@ def _line_of(item: Item | None, command: str, above: str, presses: Presses) -> d
     elif not item.obstacle:
         presses[command, value] = item.do
     return made
-
-
-def switches(gestures: Gestures, section: Section) -> list[Html]:
-    """The buttons for a section of TabState's switches."""
-    return [
-        action(gestures, name)
-        for name, row in CONTROLS.items()
-        if isinstance(row, Switch) and row.section == section
-        if not (row.optional and ACTIONS[name].obstacle(gestures))
-    ]
-
-
-def options(tab: Tab, name: str) -> Html:
-    """The buttons for the values of a field of TabState, in a row."""
-    control, now = CONTROLS[name], getattr(tab.state, name)
-    assert isinstance(control, Choice)
-    made = choices(f"view.{name}", control.options, lambda value: tab.set(**{name: value}), lambda value: value == now)
-    return row(choice(*made), label=control.label)
 
 
 def choices(
@@ -405,3 +394,16 @@ class Board:
         if content != self._content:
             self._handle.content = str(content)
             self._content = content
+
+
+class Strip:
+    """HTML around the picture, as `Board` shows it in a panel: the page has a place for it."""
+
+    def __init__(self, tab: Tab, name: Literal["header", "bar"]) -> None:
+        self._tab, self._name = tab, name
+
+    def show(self, *parts: Html) -> None:
+        """Show these parts in a row, as many each time: the page replaces those that have changed."""
+        content = joined(*parts)
+        self._tab.buttons.show(self, content.presses)
+        self._tab.channel.send(self._name, Markup(html=str(content)))

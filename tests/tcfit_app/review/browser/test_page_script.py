@@ -80,7 +80,7 @@ def tab(opened: Tab) -> Iterator[Tab]:
     assert opened.complaints == []
 
 
-CLEARED = "notice chips legend marks suspicions fit provenance range selection menus framing focus beat".split()
+CLEARED = "notice legend marks suspicions fit provenance range selection menus framing focus beat".split()
 START = {
     "skeleton": states.Skeleton(),
     "style": states.Style(),
@@ -96,10 +96,13 @@ def test_what_is_sent_is_acknowledged_when_drawn(tab: Tab) -> None:
     tab.await_drawn(77)
 
 
-def test_the_strip_takes_its_room_from_the_canvas_and_tells(tab: Tab) -> None:
+def test_header_bar_and_strip_take_their_room_from_the_canvas_and_tell(tab: Tab) -> None:
     with_strip = tab.page.evaluate("() => __viserMutable.canvas.clientHeight")
-    strip = tab.page.locator(".tcfit-strip").bounding_box()
-    assert strip and strip["y"] == with_strip and strip["y"] + strip["height"] == 640
+    parts = (".tcfit-header", ".tcfit > canvas", ".tcfit-transport", ".tcfit-strip")
+    boxes = [tab.page.locator(part).first.bounding_box() for part in parts]
+    edges = [edge for box in boxes if box for edge in (box["y"], box["y"] + box["height"])]
+    assert edges[0] == 0 and edges[-1] == 640 and edges[1:-1:2] == edges[2::2], "one below the other"
+    assert edges[3] - edges[2] == with_strip
     for timeline, height in ((None, 640), (TIMELINE, with_strip)):
         tab.post(timeline=timeline)
         tab.until(lambda height=height: [e.height for e in tab.received(Resized)[-1:]] == [height], f"height {height}")
@@ -509,10 +512,9 @@ def test_a_clicked_button_does_not_keep_the_space_bar(tab: Tab) -> None:
 def test_text_stays_text(tab: Tab) -> None:
     tab.send(
         notice=states.Notice(title=HTML, text=HTML, kind="error", progress=0.5),
-        chips=states.Chips(chips=(states.Chip(text=HTML, kind="busy", progress=0.4),)),
         legend=states.Legend(title=HTML, unit="mm", low=0, high=50, colors=("#000000", "#ffffff")),
     )
-    assert tab.text(".tcfit-card h2") == tab.text(".tcfit-card p") == tab.text(".tcfit-chip") == HTML
+    assert tab.text(".tcfit-card h2") == tab.text(".tcfit-card p") == HTML
     assert tab.text(".tcfit-legend") == f"{HTML} [mm]050"
     assert tab.page.locator(".tcfit img").count() == 0
     tab.send(notice=None)
@@ -593,8 +595,6 @@ def test_without_a_server_nothing_is_taken_until_it_is_back(
     tab: Tab, server: ReviewServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The page says that it is cut off, drops what is being done, and lets go of a drag that has begun."""
-    busy, saved = states.Chip(text="Fit walk: stage 1", kind="busy"), states.Chip(text="Saved: right wrist moved")
-    tab.send(chips=states.Chips(chips=(busy, saved)))
     x, y = tab.screen(*PLACES[WRIST])
     width = tab.page.evaluate("() => __viserMutable.canvas.clientWidth")
     refused: list[object] = []
@@ -610,7 +610,6 @@ def test_without_a_server_nothing_is_taken_until_it_is_back(
             server.viser._websock_server.disconnect_all_clients()
             tab.page.wait_for_selector(".tcfit-card[role=alert]", state="visible")
             assert "ended or cannot be reached" in (tab.text(".tcfit-card h2") or "")
-            assert tab.page.locator(".tcfit-chip").all_text_contents() == [saved.text]
         known = len(tab.events)
         tab.page.mouse.click(x, y)
         assert not tab.painted_now(x + 60, y + 40) and tab.painted_now(x, y)

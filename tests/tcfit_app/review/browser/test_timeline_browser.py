@@ -12,14 +12,14 @@ from tcfit_app.review.browser.channel import web_files
 from tcfit_app.review.browser.page_events import Key, LookAt, MoveKey, Plot, Range, Seek
 from tcfit_app.review.drawing.rows import CHOICES
 from tcfit_app.server.serving import ReviewServer, review_server
-from tests.drivers.page_tab import KEYS, LENGTH, POSTER, RECORD, ROWS, TABS, TIMELINE, Tab, open_tab, strip_place
+from tests.drivers.page_tab import BAR, KEYS, LENGTH, POSTER, RECORD, ROWS, TABS, TIMELINE, Tab, open_tab, strip_place
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 pytestmark = pytest.mark.thorough
 
-RULER = 36.0
+RULER = 9.0
 """Its middle, in pixels below the strip's upper border."""
 LANES = {name: 13 + 15 * (i + 0.5) for i, name in enumerate(("notes", "flags", "suspicion", "keys", "edits"))}
 """Their middles, in pixels above the strip's lower border."""
@@ -53,6 +53,7 @@ def tab(opened: Tab) -> Iterator[Tab]:
         timeline=TIMELINE,
         rows=ROWS,
         keys=KEYS,
+        bar=BAR,
     )
     opened.page.mouse.dblclick(*overview_place(opened, 10))  # the whole clip
     opened.hover(2, 300)
@@ -126,13 +127,30 @@ def test_the_ends_of_the_selected_frames_are_dragged(tab: Tab) -> None:
 
 def test_the_selected_frames_are_named_and_cleared(tab: Tab) -> None:
     tab.send(timeline=states.Timeline(length=LENGTH, frame_rate=30.0, first_frame=7))
-    frames = tab.page.locator(".tcfit-strip-frames")
-    assert frames.is_hidden()
+    frames, clear = tab.page.locator(".tcfit-frames"), tab.page.get_by_role("button", name="Clear frame selection")
+    assert clear.is_hidden()
     tab.send(range=states.ChosenRange(first=100, last=120))
-    assert "Frames 107–127" in frames.inner_text()
-    tab.page.get_by_role("button", name="Clear frame selection").click()
+    assert "107–127" in frames.inner_text()
+    clear.click()
     assert tab.await_event(Range) == Range(first=None, last=None)
-    assert frames.is_hidden()
+    assert clear.is_hidden()
+
+
+def test_the_frame_on_show_is_named_and_another_one_can_be_typed(tab: Tab) -> None:
+    tab.post(timeline=states.Timeline(length=LENGTH, frame_rate=30.0, first_frame=7), cursor=states.Cursor(frame=60))
+    tab.await_drawn(60)
+    field = tab.page.get_by_role("textbox", name="Frame")
+    assert field.input_value() == "67" and tab.page.locator(".tcfit-now").text_content() == "/ 306· 0:02.00"
+    for typed, frame in (("99", 92), ("9999", LENGTH - 1), ("-3", 0)):
+        known = len(tab.received(Seek))
+        field.fill(typed)
+        field.press("Enter")
+        assert tab.await_event(Seek, known + 1) == Seek(frame=frame)
+    for typed, key in (("12", "Escape"), ("", "Enter"), ("x", "Enter")):
+        field.fill(typed)
+        field.press(key)
+        assert field.input_value() == "67", "what the server shows"
+    assert len(tab.received(Seek)) == known + 1
 
 
 def test_the_wheel_zooms_the_timeline_around_the_pointer(tab: Tab) -> None:
@@ -240,7 +258,7 @@ def test_levels_are_drawn_ever_stronger_and_named_in_the_tooltip(tab: Tab) -> No
         pixel = "document.querySelector('.tcfit-strip > canvas').getContext('2d').getImageData(x, y, 1, 1).data[1]"
         return tab.page.evaluate(f"([x, y]) => {pixel}", [x, round(y)])
 
-    upper = [brightness(frame, 70) for frame in (50, 150, 250)]
+    upper = [brightness(frame, 43) for frame in (50, 150, 250)]
     steps = np.diff([brightness(50, bottom - 12), *upper])  # nothing is known of the right hand in frame 50
     assert abs(steps).min() > 15 and abs(np.sign(steps).sum()) == 3, "of the same sign, in either theme"
     tab.hover(*strip_place(tab, 150, bottom - 12))
@@ -372,6 +390,6 @@ def test_a_right_click_elsewhere_is_about_the_frame_there(tab: Tab) -> None:
     assert menu_texts(tab) == ["Select frames from here on", "Show the whole clip"]
     tab.page.keyboard.press("Enter")
     assert tab.await_event(Key) == Key(action="range_start", repeat=False)
-    tab.page.get_by_role("button", name="What to do with frames").click()
+    tab.page.get_by_title("What to do with frames").click()
     assert menu_texts(tab)[0] == "Select frames from here on"
     tab.page.keyboard.press("Escape")

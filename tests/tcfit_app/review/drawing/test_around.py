@@ -12,7 +12,6 @@ from tcfit_app.review.browser.page_events import Hello, Key
 from tcfit_app.review.browser.page_states import Focus
 from tcfit_app.review.drawing.overlays import followed, in_image
 from tcfit_app.review.gestures.zooming import show_close_up, usual_size
-from tcfit_app.review.panels.view_panel import ViewPanel
 from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY, Part
 from tests.drivers.lone_page import LonePage, told
 
@@ -22,7 +21,7 @@ WRIST = INDEX["right_wrist"]
 @pytest.fixture
 def tested(fitted_page: LonePage) -> LonePage:
     """A page of a project of the tiny body, with a fit."""
-    fitted_page.only(ViewPanel)
+    fitted_page.only()
     fitted_page.page.receive(Hello("me", 1000, 700))
     return fitted_page
 

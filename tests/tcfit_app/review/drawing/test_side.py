@@ -14,10 +14,8 @@ from fitting_core.keypoints import GROUPS, INDEX
 from fitting_core.results.error_bars import JOINTS
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Hello, Key
-from tcfit_app.review.browser.page_states import Bodies, Chip, Layout, SidePlate
-from tcfit_app.review.drawing import picture
+from tcfit_app.review.browser.page_states import Bodies, Layout, SidePlate
 from tcfit_app.review.drawing.picture import error_bars_of
-from tcfit_app.review.panels.view_panel import ViewPanel
 from tcfit_app.review.shared.drawing_data import FrameBody
 from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY
 from tests.drivers.lone_page import LonePage, lone_page
@@ -28,7 +26,7 @@ from tests.samples.sessions import OneBody, small_clip, until
 @pytest.fixture
 def tested(fitted_page: LonePage) -> LonePage:
     """A page of a project of the tiny body, with a fit."""
-    fitted_page.only(ViewPanel)
+    fitted_page.only()
     fitted_page.page.receive(Hello("me", 1000, 700))
     return fitted_page
 
@@ -146,12 +144,6 @@ def test_3d_shows_keypoints_too_also_of_hidden_bodies(tested: LonePage):
     np.testing.assert_allclose(state.turn[1], seen(tested, "bodies").down, atol=1e-4)
 
 
-def test_pictures_leave_room_for_messages_that_last(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
-    for messages, covered in ([], 0), ([Chip(text="Read-only")], 34):
-        monkeypatch.setattr(picture, "lasting", lambda tab, messages=messages: messages)
-        assert told(tested, "layout").posters[0].window[3] == pytest.approx(1 - covered / 700)
-
-
 def test_keys_switch_and_turn_it(tested: LonePage):
     press(tested, "side")
     assert not tested.page.tab.state.side and plates(tested) == []
@@ -162,7 +154,7 @@ def test_keys_switch_and_turn_it(tested: LonePage):
         press(tested, "turn_side")
         labels += plates(tested)
     assert labels == ["from above", "from the picture's left", "from the picture's right"]
-    tested.press("view.side", "top")
+    tested.press("bar.side", "From above")
     assert tested.page.tab.state.side_from == "top"
 
 

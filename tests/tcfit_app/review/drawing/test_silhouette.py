@@ -15,7 +15,7 @@ from fitting_core.lens import filmed
 from fitting_core.silhouettes import Silhouettes, silhouette_size
 from tcfit_app.project.project import Project
 from tcfit_app.review.drawing.overlays import outlines
-from tcfit_app.review.panels.view_panel import ViewPanel
+from tcfit_app.review.gestures.actions import ACTIONS
 from tests.drivers.lone_page import LonePage, lone_page, told
 from tests.samples.spot_clips import FRAMES, SIZE, empty_project, spot_video
 
@@ -69,7 +69,7 @@ def page(panel_server: viser.ViserServer, tmp_path: Path, request: pytest.Fixtur
     with Project.open(folder) as project:
         project.take_detections(points, silhouettes=None if getattr(request, "param", "") == "unknown" else known)
         with lone_page(panel_server, project) as made:
-            made.only(ViewPanel)
+            made.only()
             yield made
 
 
@@ -95,11 +95,11 @@ def test_it_is_sent_where_it_is_wanted_and_known(page: LonePage):
 
 
 def test_the_button_is_off_where_none_is_known(page: LonePage):
-    assert not page.button("Silhouette").disabled
+    assert not ACTIONS["silhouette"].obstacle(page.page.gestures)
 
 
 @pytest.mark.parametrize("page", ["unknown"], indirect=True)
 def test_without_one_it_is_said_why(page: LonePage):
-    assert page.button("Silhouette").disabled and "There is no silhouette" in page.html()
+    assert "There is no silhouette" in ACTIONS["silhouette"].obstacle(page.page.gestures)
     with pytest.raises(InputError, match="There is no silhouette"):
         page.press("action", "silhouette")

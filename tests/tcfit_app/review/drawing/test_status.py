@@ -24,7 +24,7 @@ def test_a_correction_out_of_reach_says_how_far_and_what_to_move_as_well(
 
         def said() -> list[str]:
             tab.look()
-            return [chip.text for chip in page.status.chips(0.0, "") if "px from" in chip.text]
+            return [chip.text for chip in page.header.status.messages(0.0, "") if "px from" in chip.text]
 
         assert not said(), "nothing was corrected"
         xy = tab.session.project.corrected.xy[tab.state.frame, elbow]

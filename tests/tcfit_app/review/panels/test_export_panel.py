@@ -23,7 +23,7 @@ from tcfit_app.project.packed import unpack
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Press
 from tcfit_app.review.panels.export_panel import ExportPanel
-from tcfit_app.review.panels.view_panel import run_names
+from tcfit_app.review.panels.fits_shown import run_names
 from tests.drivers.lone_page import LonePage
 from tests.samples.sessions import FRAMES
 from tests.tcfit_app.review.panels.conftest import Opener

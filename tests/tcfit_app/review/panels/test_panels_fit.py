@@ -321,7 +321,7 @@ def test_b_goes_over_to_the_corrections_of_the_run_that_it_was_set_to(tested: Lo
     page.gestures.correcting.toggle_bad()
     page.tab.look()
     assert page.tab.state.b.run == run.id, "not before they are fitted"
-    assert "Fit is following the edit" in [chip.text for chip in page.status.chips(0.0, "")]
+    assert "Fit is following the edit" in [chip.text for chip in page.header.status.messages(0.0, "")]
     tested.until(lambda: page.tab.look() and page.tab.state.b.run != run.id)
     corrections = page.tab.session.fits.run(page.tab.state.b.run)  # pyright: ignore[reportArgumentType]
     assert corrections is not None and (corrections.kind, corrections.parent) == ("corrections", run.id)

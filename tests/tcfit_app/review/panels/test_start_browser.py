@@ -83,7 +83,7 @@ def drawn(review: Reviewing) -> int:
 
 
 def chips(review: Reviewing) -> str:
-    return review.tab.evaluate("() => (window.tcfit?.state('chips')?.chips ?? []).map((c) => c.text).join(' | ')")
+    return review.tab.evaluate("() => document.querySelector('.tcfit-status')?.innerText ?? ''")
 
 
 def test_keypoints_of_a_path_appear_in_all_tabs_and_stay(review: Reviewing, tmp_path: Path, browser: "Browser"):

@@ -1,4 +1,4 @@
-"""The view: its switches, zooming, choosing fits."""
+"""The view: its switches in the bar, zooming, choosing fits."""
 
 import numpy as np
 import pytest
@@ -9,9 +9,6 @@ from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.review.gestures.zooming import surroundings, zoom_to_selection
 from tests.drivers.lone_page import LonePage
 from tests.tcfit_app.review.panels.conftest import ATTACK
-
-FIRST = 7
-"""The number that users see for frame 0 of the sample clip."""
 
 
 def test_only_keypoints_in_the_picture_are_zoomed_to(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
@@ -43,25 +40,23 @@ def test_zooming_leaves_room_and_stays_in_the_picture(size: tuple[int, int]):
     assert np.allclose(surroundings(far, size)[:, along], [0.15 * length, 0.85 * length])
 
 
-def test_view_inputs(tested: LonePage):
-    tested.draw()
-    page = tested.page
-    tested.enter("Frame", FIRST + 4)
-    assert page.tab.state.frame == 4
-
-
 def test_view_buttons(tested: LonePage):
     tested.draw()
     page = tested.page
     tested.press("action", "space")
     tested.press("action", "ghost")
     assert page.tab.state.mode == "space" and page.tab.state.ghost
-    tested.press("view.group", "face")
+    tested.press("bar.keypoints", "Face")
     assert page.tab.state.groups == set(GROUPS) - {"face"}
     tested.press("action", "keypoints")
-    tested.press("view.speed", "0.25")
+    tested.press("bar.speed", "0.25×")
     assert (page.tab.state.keypoints, page.tab.state.speed) == (False, 0.25)
-    assert 'data-value="0.25" aria-pressed="true"' in tested.html()
+    assert ">0.25× ▾<" in tested.html()
+    tested.press("bar.mode", "space")
+    assert page.tab.state.mode == "edit", "off is Edit"
+    tested.press("bar.mode", "ab")
+    tested.press("bar.compare", "Side by side")
+    assert page.tab.state.mode == "ab" and not page.tab.state.wipe
 
 
 def test_choosing_runs_and_phases(tested: LonePage):

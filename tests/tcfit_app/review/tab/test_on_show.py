@@ -69,7 +69,7 @@ def test_a_fit_that_cannot_be_read_is_told_and_the_other_is_there(tested: LonePa
     monkeypatch.setattr(Fits, "show", damaged)
     shown = tab.look()
     assert shown.a is None and shown.b is not None and shown.problem == "runs/000001.npz is damaged."
-    assert "runs/000001.npz is damaged." in [chip.text for chip in tested.page.status.chips(0.0, shown.problem)]
+    assert "runs/000001.npz is damaged." in [one.text for one in tested.page.header.status.messages(0.0, shown.problem)]
 
 
 def test_it_is_resolved_once_for_all_that_is_drawn(tested: LonePage, monkeypatch: pytest.MonkeyPatch):

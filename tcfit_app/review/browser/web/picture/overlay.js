@@ -249,7 +249,7 @@ function showPointerShape() {
   pointerShape = shape;
 }
 
-/** In their upper right corners: viser's messages come up at the upper left, chips and legend lie below.
+/** In their upper right corners: viser's messages come up at the upper left, the legend lies below.
  * @param {Context} context */
 function drawFitNames(context) {
   context.font = `600 13px ${FONT}`;

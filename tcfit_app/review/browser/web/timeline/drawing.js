@@ -3,6 +3,7 @@
 
 /** @import { Context } from "./paint.js" */
 
+import { showFrame } from "../bars/bar.js";
 import { addPainter, invalidate, known, states } from "../connection.js";
 import { cleared, placeTooltip, strip, stripCanvas, stripFront, stripTooltip } from "../elements.js";
 import { FONT } from "../style.js";
@@ -44,6 +45,7 @@ function drawBack() {
 }
 
 function drawFront() {
+  showFrame();
   if (!states.timeline || strip.hidden) return;
   const context = cleared(stripFront);
   const [cursor, range] = [cursorLabel(context), chosenRange()];

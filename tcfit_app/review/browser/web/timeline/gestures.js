@@ -2,13 +2,13 @@
 
 /** @import { Mark } from "./lanes.js" */
 
+import { clearRange, letGo, showChosen } from "../bars/bar.js";
 import { emit, emitLast, emitSoon, invalidate, states, watch } from "../connection.js";
 import { DRAG_THRESHOLD, leaveField, strip, stripCanvas } from "../elements.js";
 import {
   FEWEST, GUTTER, MARGIN, axis, clipLength, edgeX, followCursor, frameAt, plotWidth, showAll, showFrames, shownCount,
   zoomAxis,
 } from "./axis.js";
-import { clearRange, letGo, showChosen } from "./head.js";
 import { markAt } from "./lanes.js";
 import { fitBand, overview, ruler, within } from "./layout.js";
 import { bringWindowTo, grabbedAt, overviewEdge } from "./overview.js";

@@ -1,12 +1,12 @@
-// The menus of the timeline: of the selected frames, and elsewhere; by right click, or with the button in its head.
+// The menus of the timeline: of the selected frames, and elsewhere; by right click, or by a button in the bar.
 
 /** @import { MenuItem } from "../menu.js" */
 
+import { chip, clearRange } from "../bars/bar.js";
 import { emitLast, invalidate, states } from "../connection.js";
 import { strip, stripCanvas } from "../elements.js";
 import { onRightClick, openMenu, openMenuAt } from "../menu.js";
 import { GUTTER, clipLength, frameAt, frameNumber, showFrames, shownCount } from "./axis.js";
-import { clearRange, more } from "./head.js";
 import { chosenRange, cursorFrame, pointed } from "./pointed.js";
 
 const AROUND = 0.1; // of the selected frames that are zoomed to, on either side
@@ -57,8 +57,8 @@ function rightClick(event) {
 function openMore() {
   const range = chosenRange();
   if (range && !selected(cursorFrame() ?? -1)) emitLast({ type: "seek", frame: range.first });
-  openMenuAt("Frames", items(range !== null), more);
+  openMenuAt("Frames", items(range !== null), chip);
 }
 
 onRightClick(({ target }) => target === stripCanvas, rightClick);
-more.addEventListener("click", openMore);
+chip.addEventListener("click", openMore);

@@ -3,7 +3,7 @@
 /** @import { MenuItem } from "../menu.js" */
 
 import { emit, invalidate, known, states, watch } from "../connection.js";
-import { element, setStripHeight, strip } from "../elements.js";
+import { bar, element, setStripHeight, strip } from "../elements.js";
 import { openMenuAt } from "../menu.js";
 import { GUTTER, clipLength } from "./axis.js";
 import { rowBand, stripHeight } from "./layout.js";
@@ -78,6 +78,7 @@ function layOut() {
 }
 
 window.addEventListener("resize", () => states.timeline && layOut());
+new ResizeObserver(() => states.timeline && layOut()).observe(bar); // it wraps where there is little room
 
 watch("timeline", layOut);
 watch("strip", layOut);

@@ -109,10 +109,10 @@ export const canvasBox = () => /** @type {HTMLElement} */ (boxOf(canvas()));
 
 let room = 0;
 
-/** Leaves CSS pixels free below the canvas. @param {number} height */
-export function leaveRoomBelow(height) {
-  room = height;
-  canvasBox().style.height = height ? `calc(100% - ${height}px)` : "100%";
+/** Leaves CSS pixels free above and below the canvas. @param {number} above @param {number} below */
+export function leaveRoom(above, below) {
+  room = above + below;
+  Object.assign(canvasBox().style, { top: `${above}px`, height: `calc(100% - ${room}px)` });
 }
 
 /** While a docked panel is resized viser sets its canvas's size by itself, from the room that it knows of. */
