@@ -225,7 +225,7 @@ def poster_layout(
 
 _SHADES = color_table()[np.linspace(0, 255, _LEGEND_COLORS).astype(int)].tolist()
 LEGEND = Legend(
-    title="Distance between A and B",
+    title="Distance",
     unit="mm",
     low=0.0,
     high=1e3 * DISTANCE_LIMIT,

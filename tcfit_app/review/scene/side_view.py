@@ -19,8 +19,8 @@ from tcfit_app.review.scene.room import Room, extent
 Direction = Literal["left", "right", "top"]
 """Where the viewer is: left or right of the picture, or above."""
 DIRECTION_TEXTS: dict[Direction, str] = {
-    "left": "from the picture's left",
-    "right": "from the picture's right",
+    "left": "from the left",
+    "right": "from the right",
     "top": "from above",
 }
 _AXES: dict[Direction, Float[np.ndarray, "3 3"]] = {

@@ -81,7 +81,9 @@ class TabState:
     """A and B share a window in A | B, with a divider; otherwise each has its own, as large as possible."""
     clipped: bool = control(
         True,
-        Switch("body", "Clip to picture", "Bodies clipped to the picture, on or off", needs=("bodies", "picture")),
+        Switch(
+            "body", "Clip to picture", "Bodies clipped to the picture, or faded outside", needs=("bodies", "picture")
+        ),
     )
     blinked: bool = control(False, Switch("compare", "Blink", "Blink: A in B's place", "b", needs=("bodies",)))
     selection: tuple[int, ...] = ()

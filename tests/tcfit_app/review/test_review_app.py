@@ -238,8 +238,8 @@ def test_the_side_view_follows_the_frame(review: Reviewing):
     before = wrist_in_space(review)
     review.press("ArrowRight", lambda: wrist_in_space(review) != before)
     review.press("Shift+v", lambda: side()["floor"] is None)
-    review.press("Shift+v", lambda: labels_of(review, "side") == ["from the picture's left"])
-    review.press("Shift+v", lambda: labels_of(review, "side") == ["from the picture's right"])
+    review.press("Shift+v", lambda: labels_of(review, "side") == ["from the left"])
+    review.press("Shift+v", lambda: labels_of(review, "side") == ["from the right"])
 
 
 def test_in_3d_the_side_view_gives_way_to_the_room(review: Reviewing):

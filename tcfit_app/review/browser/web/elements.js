@@ -80,20 +80,20 @@ function shortened(context, text, width) {
   return length ? `${text.slice(0, length)}…` : "";
 }
 
-/** As much of a run's name as fits, of its start and its end, and the whole of its phase: "Run wi…ted · temporal".
+/** As much of a fit's name as fits: of "A   Fit 1 · first pass" the pass, of others the start and the end.
  * @param {CanvasRenderingContext2D} context @param {string} text @param {number} width */
 export function shortenedName(context, text, width) {
   /** @param {string} some */
   const fits = (some) => context.measureText(some).width <= width;
+  const [, letter = "", name, pass] = /^([AB] {3})?(.*?)(?: · ([^·]*))?$/.exec(text) ?? [];
   if (fits(text)) return text;
-  const cut = text.lastIndexOf(" · ");
-  const [name, phase] = cut < 0 ? [text, ""] : [text.slice(0, cut), text.slice(cut)];
+  if (pass) return shortened(context, letter + pass, width);
   for (let length = name.length - 1; length > 0; length -= 1) {
     const end = Math.floor(length / 3);
-    const some = `${name.slice(0, length - end)}…${name.slice(name.length - end)}${phase}`;
+    const some = `${letter}${name.slice(0, length - end)}…${name.slice(name.length - end)}`;
     if (fits(some)) return some;
   }
-  return shortened(context, text, width);
+  return letter.trim();
 }
 
 /** Puts a tooltip beside a point of its parent, within it sideways.

@@ -45,7 +45,7 @@ export const STYLE_SHEET = `
   max-width: calc(100% - 28px); height: 24px; padding: 0 12px; border-radius: 8px; font-size: 13px; white-space: nowrap;
   background: var(--tcfit-surface); border: 1px solid var(--tcfit-edge);
   font-variant-numeric: tabular-nums; }
-.tcfit-legend div { flex: none; width: 130px; height: 9px; border-radius: 3px; }
+.tcfit-legend div { flex: 0 1 auto; width: 130px; min-width: 40px; height: 9px; border-radius: 3px; }
 .tcfit-legend span { color: var(--tcfit-dim); }
 .tcfit-legend span:first-child { color: var(--tcfit-text); overflow: hidden; text-overflow: ellipsis; margin-right: 4px; }
 .tcfit-tooltip { position: absolute; left: 0; top: 0; padding: 4px 9px; border-radius: 6px; white-space: pre;
@@ -63,8 +63,8 @@ export const STYLE_SHEET = `
 .tcfit-strip :is(button, input, [tabindex]):focus-visible { outline: 2px solid var(--tcfit-accent); outline-offset: -1px; }
 .tcfit-strip-title { position: absolute; left: 0; display: grid; grid-template-columns: 1fr 16px; align-content: start; align-items: start; gap: 2px;
   padding: 3px 0 0 8px; overflow: hidden; line-height: 14px; pointer-events: none; }
-.tcfit-strip-title > p { grid-column: 1 / 3; display: flex; flex-wrap: wrap; gap: 0 9px; margin: 0; line-height: 15px; color: var(--tcfit-dim); }
-.tcfit-strip-title i { display: inline-block; width: 8px; height: 8px; margin-right: 4px; border-radius: 50%; }
+.tcfit-strip-title > p { grid-column: 1 / 3; display: flex; flex-wrap: wrap; gap: 0 6px; margin: 0; line-height: 15px; color: var(--tcfit-dim); }
+.tcfit-strip-title i { display: inline-block; width: 7px; height: 7px; margin-right: 3px; border-radius: 50%; }
 .tcfit-strip-title > span { overflow-wrap: anywhere; }
 .tcfit-strip-title > * { pointer-events: auto; }
 .tcfit-strip-title > button { min-width: 16px; height: 15px; padding: 0; color: var(--tcfit-dim); }

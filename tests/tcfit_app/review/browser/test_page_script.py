@@ -390,12 +390,21 @@ def test_in_space_keys_do_what_they_do_elsewhere(tab: Tab) -> None:
     assert camera_place(tab) == before
 
 
-def test_of_a_long_run_s_name_the_phase_stays_in_sight(tab: Tab) -> None:
-    name = f"a very long name {'of a run ' * 30}corrected"
+def test_of_a_long_name_the_pass_stays_or_both_ends(tab: Tab) -> None:
     tab.page.evaluate(RECORD)
-    tab.send(layout=replace(POSTER, posters=(replace(POSTER.posters[0], label=f"B   {name} · shared shape"),)))
-    short = next(text for text in reversed(tab.page.evaluate("window.written")) if "shared shape" in text)
-    assert short.endswith("rected · shared shape") and "a very" in short and "…" in short and len(short) < 140
+    for end in (" · one shape", ""):
+        label = f"B   a very long name {'of a fit ' * 30}corrected{end}"
+        tab.send(layout=replace(POSTER, posters=(replace(POSTER.posters[0], label=label),)))
+    *_, passed, short = (text for text in tab.page.evaluate("window.written") if text.startswith("B "))
+    assert passed == "B   one shape"
+    assert short.startswith("B   a very") and short.endswith("corrected") and "…" in short and len(short) < 140
+
+
+def test_outside_the_picture_bodies_are_faded(tab: Tab) -> None:
+    corner = "document.querySelector('.tcfit > canvas').getContext('2d').getImageData(3, 3, 1, 1).data[3]"
+    for clipped in (True, False):
+        tab.send(layout=replace(POSTER, posters=(replace(POSTER.posters[0], clipped=clipped),)))
+        assert bool(tab.page.evaluate(corner)) is not clipped
 
 
 CTRL, SHIFT = 2, 8

@@ -74,7 +74,7 @@ def plates(tested: LonePage) -> list[str]:
 
 
 def test_it_is_there_at_first_and_shows_the_bodies_of_the_pictures(tested: LonePage):
-    assert plates(tested) == ["from the picture's right"]
+    assert plates(tested) == ["from the right"]
     assert colors(tested) == ["fit"]
     tested.page.tab.set(blinked=True)
     assert colors(tested) == ["beside"]
@@ -148,12 +148,12 @@ def test_keys_switch_and_turn_it(tested: LonePage):
     press(tested, "side")
     assert not tested.page.tab.state.side and plates(tested) == []
     press(tested, "turn_side")
-    assert plates(tested) == ["from the picture's right"], "what was off is switched on as it was"
+    assert plates(tested) == ["from the right"], "what was off is switched on as it was"
     labels = []
     for _ in range(3):
         press(tested, "turn_side")
         labels += plates(tested)
-    assert labels == ["from above", "from the picture's left", "from the picture's right"]
+    assert labels == ["from above", "from the left", "from the right"]
     tested.press("bar.side", "From above")
     assert tested.page.tab.state.side_from == "top"
 

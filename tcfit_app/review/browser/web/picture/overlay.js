@@ -25,7 +25,9 @@ import {
 import { drawSilhouette } from "./silhouette.js";
 
 const GAP = 0.01; // image diagonals beyond which a correction counts as not reached
+const FADED = 0.7; // share of the ground over what lies outside the picture
 const FINE_BONES = 1.3; // CSS pixels: too fine for a rim
+const NAME_HEIGHT = 34; // of a fit's name with the room around it, in CSS pixels
 const NAME_ROOM = 260; // CSS pixels for a fit's name, also beyond a narrow picture
 
 /** @param {number} joint */
@@ -40,9 +42,21 @@ function drawOverlay() {
   placeDivider(drawn.maps, Boolean(states.layout?.wipe));
   placePeople(drawn.maps);
   tooltip.hidden = true;
+  for (const map of drawn.maps) if (isPicture(map) && !map.poster.clipped) fadeOutside(context, map);
   if (skeletonReady()) drawSkeleton(context);
   drawFitNames(context);
   showPointerShape();
+}
+
+/** Fades what bodies cover outside the picture. @param {Context} context @param {PosterMap} map */
+function fadeOutside(context, map) {
+  const area = new Path2D();
+  for (const { left, top, right, bottom } of [map.seen, plateSeen(map)])
+    area.rect(left, top, Math.max(right - left, 0), Math.max(bottom - top, 0));
+  context.globalAlpha = FADED;
+  context.fillStyle = tones.stage;
+  context.fill(area, "evenodd");
+  context.globalAlpha = 1;
 }
 
 /** @param {Context} context */
@@ -263,8 +277,8 @@ function drawFitNames(context) {
     const end = ox + width;
     const right = Math.min(seen.right, Math.max(end, seen.left + NAME_ROOM));
     const beside = { end, free: width < NAME_ROOM ? seen.right - end : 0 };
-    const top = isSide(map) ? seen.top : Math.max(seen.top, oy); // above a low plate, whose head it would hide
-    drawFitName(context, poster, right, top, right - seen.left, beside);
+    const top = isSide(map) ? seen.top : Math.max(seen.top, oy - NAME_HEIGHT); // above the picture, if there is room
+    drawFitName(context, poster, right, top, isSide(map) ? NAME_ROOM : right - seen.left, beside);
   }
 }
 

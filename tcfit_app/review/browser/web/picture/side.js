@@ -15,6 +15,7 @@ import { chosen, groupShown, jointRadius, located, placedOn, position, zoomFacto
 const TICKS = [0.5, 0.1, 0.02]; // metres apart: the first that suits the plate
 const FAR = 200; // metres from the camera: the end of a line of sight, beyond any plate
 const BODY = 25; // keypoints; those of hands and face come after them
+const NARROW = 260; // CSS pixels of a plate, below which a scale would lie on the body
 const FEW = 4; // selected keypoints of which every line of sight is drawn
 
 /** @param {Context} context @param {PosterMap} map */
@@ -70,12 +71,13 @@ function drawRuler(context, map, side) {
   const lines = new Path2D();
   lines.moveTo(first, y);
   lines.lineTo(standing ? right : last, y);
-  for (let x = last; x > first - 1; x -= step) {
+  const wide = right - left >= NARROW;
+  for (let x = last; wide && x > first - 1; x -= step) {
     lines.moveTo(x, y);
     lines.lineTo(x, y + 5);
   }
-  stroke(context, lines, tones.thumb, 1);
-  if (step > 36) write(context, `${tick} m`, last - step / 2, y + (y + 18 < bottom ? 10 : -10), "center");
+  if (standing || wide) stroke(context, lines, tones.thumb, 1);
+  if (step > 36 && wide) write(context, `${tick} m`, last - step / 2, y + (y + 18 < bottom ? 10 : -10), "center");
 }
 
 /** Small text, legible over a body. @param {Context} context @param {string} text @param {number} x
