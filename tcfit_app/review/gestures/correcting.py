@@ -287,7 +287,7 @@ class Correcting:
         if tab.state.frame not in edit.frames:
             tab.seek(edit.frames[0])
         by = whose(entry.author, tab.author)
-        tab.say(f"{verb} an edit of {by}? {describe(edit, tab.first_frame)}. Press {key} again", LONG)
+        tab.say(f"{key} again to {verb.lower()} the edit of {by}: {describe(edit, tab.first_frame)}", LONG)
         return True
 
     def _went_back(self, entry: LogEntry | None, shown: Shown | None, verb: str) -> None:

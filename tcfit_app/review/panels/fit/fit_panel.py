@@ -39,10 +39,13 @@ class FitPanel:
         tab = gestures.tab
         self._inputs = inputs = FitInputs(tab)
         self._head = Board(tab)
-        inputs.add_preset(self._again)
-        inputs.add("temporal.weight", when=self._again)
-        inputs.add("shape_sample.size", when=lambda: self._again() and self._frames is None)
-        inputs.add_height(lambda: self._writable and self._frames is None)
+        with inputs.shown(self._again):
+            inputs.add_preset()
+            inputs.add("temporal.weight")
+        with inputs.shown(lambda: self._again() and self._frames is None):
+            inputs.add("shape_sample.size")
+        with inputs.shown(lambda: self._writable and self._frames is None):
+            inputs.add_height()
         self._main = Board(tab)
         inputs.add_changed()
         self._progress = RunningJobs(tab)  # below all buttons, so that they do not move when a fit begins
@@ -51,11 +54,11 @@ class FitPanel:
             inputs.add_camera()
         with self._every:
             self._part("Method", first=True)
-            inputs.add_preset(self._first)
-            inputs.add("temporal.weight", "shape_sample.size", when=self._first)
-            inputs.add("temporal.mode")
-            inputs.add("temporal.window_size", when=lambda: tab.state.settings.config.temporal.mode != "global")
-            inputs.add("shape_sample.strategy", "pose_prior", "solver", "silhouettes")
+            with inputs.shown(lambda: not self._again()):
+                inputs.add_preset()
+                inputs.add("temporal.weight", "shape_sample.size")
+            inputs.add("temporal.mode", "temporal.window_size", "shape_sample.strategy")
+            inputs.add("pose_prior", "solver", "silhouettes")
             self._part("Start")
             inputs.add_given()
             self._shape = Board(tab)
@@ -77,9 +80,6 @@ class FitPanel:
 
     def _again(self) -> bool:
         return self._writable and bool(self._tab.session.fits.runs)
-
-    def _first(self) -> bool:
-        return not self._again()
 
     @property
     def _frames(self) -> range | None:

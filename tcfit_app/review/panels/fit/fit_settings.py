@@ -1,8 +1,8 @@
 """The settings of the next fit: inputs for those changed most often, and all others as TOML."""
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any, Literal, get_args
@@ -132,46 +132,53 @@ def pose_priors(now: str) -> tuple[str, ...]:
 
 
 class FitInputs:
-    """Inputs for a tab's `FitSettings`; each is created where its method is called, and shown while `when` says so."""
+    """Inputs for a tab's `FitSettings`; created where its method is called, hidden while it has no effect."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab, self._gui = tab, tab.client.gui
         self._fields: list[Field[Any]] = []
+        self._when: When = always
         self._lines: list[tuple[Board, When]] = []
         """The lines about the preset."""
         self._height = tab.session.project.height
         """The project's, as this tab knows it."""
 
+    @contextmanager
+    def shown(self, when: When) -> Iterator[None]:
+        """Show the inputs that are created meanwhile only while `when` says so."""
+        before, self._when = self._when, when
+        yield
+        self._when = before
+
     # --- elements ---
 
-    def add_preset(self, when: When = always) -> None:
+    def add_preset(self) -> None:
         """The preset, with a line about it."""
         hint = " ".join(f"{name}: {line}" for name, line in PRESET_LINES.items())
-        self._add_dropdown("preset", "Preset", PRESETS, hint, self._take_preset, lambda s: s.preset, when=when)
-        self._lines.append((Board(self._tab), when))
+        self._add_dropdown("preset", "Preset", PRESETS, hint, self._take_preset, lambda s: s.preset)
+        self._lines.append((Board(self._tab), self._when))
 
     def add_changed(self) -> None:
         """What differs from the preset or is wrong, and the way back."""
         self._changed = Board(self._tab)
 
-    def add(self, *names: str, when: When = always) -> None:
+    def add(self, *names: str) -> None:
         """Inputs for settings in ROWS."""
         for name in names:
-            self._add_setting(name, when)
+            self._add_setting(name)
 
-    def _add_setting(self, name: str, when: When) -> None:
+    def _add_setting(self, name: str) -> None:
         kind, known, take = settings()[name].type, ROWS[name], partial(self._take, name)
         if kind in (int, float):
-            read = lambda s: value_of(s.config, name)  # noqa: E731
-            self._add_number(name, self._number(name), known.hint, take, read, when=when)
+            self._add_number(name, self._number(name), known.hint, take, lambda s: value_of(s.config, name))
             return
         options = self._pose_priors if name == "pose_prior" else None
         values = options() if options else [_word(value) for value in get_args(kind) or (True, False)]
         self._add_dropdown(
-            name, known.label, values, known.hint, take, lambda s: _word(value_of(s.config, name)), options, when=when
+            name, known.label, values, known.hint, take, lambda s: _word(value_of(s.config, name)), options
         )
 
-    def add_height(self, when: When = always) -> None:
+    def add_height(self) -> None:
         """The person's height, or nothing; stored in the project."""
         known = RANGES["height"]
         of = "leave it empty if unknown"
@@ -183,8 +190,7 @@ class FitInputs:
                 project.set_height(self._tab.state.settings.config.height)
                 self._height = project.height
 
-        hint = ROWS["height"].hint
-        self._add_number("height", number, hint, take, lambda s: s.config.height, optional=True, when=when)
+        self._add_number("height", number, ROWS["height"].hint, take, lambda s: s.config.height, optional=True)
 
     def add_body(self) -> None:
         """Body model and gender."""
@@ -206,20 +212,15 @@ class FitInputs:
         hint = "The fit or imported result that the first pass starts from"
         self._add_source("start", "Start from", hint, "nothing: only the clip")
         hint = "How close the fit stays to its start; empty: it only starts there"
-        started: When = lambda: self._tab.state.settings.given.start is not None  # noqa: E731
-        read: Callable[[FitSettings], float | None] = lambda s: s.config.start_deviation  # noqa: E731
-        self._add_number("held", _HELD, hint, self._take_held, read, optional=True, when=started)
+        with self.shown(lambda: self._tab.state.settings.given.start is not None):
+            self._add_number("held", _HELD, hint, self._take_held, lambda s: s.config.start_deviation, optional=True)
         hint = "Use this fit's or file's body shape, for whole fits and for fitting the shape again"
         self._add_source("shape", "Same person as", hint, "nobody: estimate from the clip", file=True)
         hint = "On the computer that runs tcfit: a project, a result's folder, or an npz or JSON file with betas"
-        self._add(
-            "shape",
-            self._gui.add_text(_PATH, "", hint=hint, visible=False),
-            self._take_path,
-            lambda s: s.given.shape.path if s.given.shape else "",
-            kind=Field,
-            when=lambda: (shape := self._tab.state.settings.given.shape) is not None and shape.run is None,
-        )
+        path = self._gui.add_text(_PATH, "", hint=hint, visible=False)
+        read: Callable[[FitSettings], str] = lambda s: s.given.shape.path if s.given.shape else ""  # noqa: E731
+        with self.shown(lambda: (shape := self._tab.state.settings.given.shape) is not None and shape.run is None):
+            self._add("shape", path, self._take_path, read, kind=Field)
 
     def add_source(self) -> None:
         """All settings as editable text."""
@@ -250,7 +251,6 @@ class FitInputs:
         read: Callable[[FitSettings], float | None],
         *,
         optional: bool = False,
-        when: When = always,
     ) -> None:
         def shown(now: FitSettings) -> str:
             return "" if (value := read(now)) is None else number.shown(value)
@@ -261,7 +261,7 @@ class FitInputs:
         handle = self._gui.add_text(
             number.label, shown(self._tab.state.settings), hint=f"{hint}. {number.range.capitalize()}."
         )
-        self._add(name, handle, typed, shown, kind=NumberField, when=when)
+        self._add(name, handle, typed, shown, kind=NumberField)
 
     def _add_dropdown(
         self,
@@ -272,12 +272,10 @@ class FitInputs:
         take: Callable[[str], None],
         read: Callable[[FitSettings], str],
         options: Callable[[], Sequence[str]] | None = None,
-        *,
-        when: When = always,
     ) -> None:
         now = read(self._tab.state.settings)
         handle = self._gui.add_dropdown(label, tuple(values), initial_value=now, hint=hint)
-        self._add(name, handle, take, read, kind=partial(Dropdown, options=options), when=when)
+        self._add(name, handle, take, read, kind=partial(Dropdown, options=options))
 
     def _add(
         self,
@@ -287,20 +285,22 @@ class FitInputs:
         read: Callable[[FitSettings], Any],
         *,
         kind: Callable[..., Field[Any]],
-        when: When = always,
     ) -> None:
-        tab = self._tab
+        tab, when = self._tab, self._when
 
         def shown() -> Any:
             """What is wrong is not in the settings, and stays in its field; a body that is not there is."""
             now = tab.state.settings
             return None if name in dict(now.problems) and name not in _BODY else read(now)
 
-        def off() -> bool:
-            return tab.session.project.read_only or name in without_effect(tab.state.settings.config, tab.length)
+        def attempt(value: Any) -> None:
+            self._attempt(name, lambda: take(value))
 
-        attempt: Callable[[Any], None] = lambda value: self._attempt(name, lambda: take(value))  # noqa: E731
-        self._fields.append(kind(tab, handle, attempt, shown, off=off, when=when))
+        def visible() -> bool:
+            return when() and name not in without_effect(tab.state.settings.config, tab.length)
+
+        off = lambda: tab.session.project.read_only  # noqa: E731
+        self._fields.append(kind(tab, handle, attempt, shown, off=off, when=visible))
 
     def _add_source(
         self, name: Literal["start", "shape"], label: str, hint: str, none: str, *, file: bool = False

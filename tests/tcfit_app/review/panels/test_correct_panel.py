@@ -137,7 +137,7 @@ def test_an_undo_of_an_edit_of_someone_else_asks_first(tested: LonePage):
     tab.author = me
     tab.seek(0)
     tested.press("action", "undo")
-    question = f"Undo an edit of anna? right wrist marked bad, frame {FIRST + 2}. Press Ctrl+Z again"
+    question = f"Ctrl+Z again to undo the edit of anna: right wrist marked bad, frame {FIRST + 2}"
     assert tab.message[0] == question and tab.message[1] > time.monotonic() + 8, "long enough to be read"
     assert tab.state.frame == 2 and project.undoable is not None
     tab.set(selection=(5,))
@@ -149,7 +149,7 @@ def test_an_undo_of_an_edit_of_someone_else_asks_first(tested: LonePage):
     tested.press("action", "undo")
     assert tab.message[0].endswith("(made by anna)") and project.undoable is None
     tested.press("action", "redo")
-    assert tab.message[0].startswith("Redo an edit of anna?") and project.undoable is None
+    assert tab.message[0].startswith("Ctrl+Y again to redo the edit of anna") and project.undoable is None
     tested.press("action", "redo")
     assert project.undoable is not None
 
