@@ -219,8 +219,6 @@ def panels(review: Reviewing) -> Iterator[str]:
         if panel.title == "Review":
             until(lambda: review.page.gestures.reviewing.suspects is not None, "the review queue")
             settle(review)
-        if panel.title == "Compare":
-            until(lambda: "Measuring" not in review.tab.content(), "the figures")
         yield f"panel-{panel.title.lower()}"
 
 
@@ -244,9 +242,6 @@ def given(review: Reviewing) -> Iterator[str]:
     use.scroll_into_view_if_needed()
     settle(review)
     yield "camera"
-    open_panel(review, "Runs")
-    settle(review)
-    yield "runs"
 
 
 def fitting(review: Reviewing) -> Iterator[str]:
@@ -275,8 +270,6 @@ def fitting(review: Reviewing) -> Iterator[str]:
     until(lambda: session.ended is not None and session.ended.outcome == "failed", "the failure")
     review.tab.wait_for_timeout(REST_MS)
     yield "failed"
-    open_panel(review, "Runs")
-    yield "failed-runs"
 
 
 def errors_of_b(review: Reviewing) -> list[float]:

@@ -47,6 +47,11 @@ def own_phases(run: Run) -> tuple[int, ...]:
     return _OWN.get(run.kind, tuple(PASSES))
 
 
+def passes_of(run: Run) -> tuple[int, ...]:
+    """Phases that a run computed itself before its last one."""
+    return tuple(phase for phase in own_phases(run) if phase < run.config.last_phase)
+
+
 @dataclass(frozen=True, kw_only=True)
 class FitChoice:
     """What a browser wants to see, independent of which runs exist."""

@@ -146,8 +146,14 @@ class Bar:
             None,
             *self._switches("compare"),
             None,
-            Item(label="Choose fits …", do=partial(tab.show_panel, "Compare")),
+            Item(label="Choose fits …", do=self._choose_fits),
         ]
+
+    def _choose_fits(self) -> None:
+        """Compare, and show the panel that says what with."""
+        if not self._tab.state.comparing:
+            self._tab.set(mode="ab")
+        self._tab.show_panel("Fit")
 
     def _zooms(self) -> list[Item | None]:
         tab = self._tab

@@ -65,7 +65,7 @@ _FIRST_STEPS = (
     ("Go to the next suspicious frame.", "next_suspect"),
     ("Drag a wrong keypoint: the fit follows, and the correction is saved. Undo reverts it.", "undo"),
     ("Drag in the timeline's ruler to select frames, and fit them again.", "rerun"),
-    ("Compare: A | B shows the fit before beside the new one, and the panel Compare has the figures.", "ab"),
+    ("Compare: shows the fit before beside the new one, with figures in the panel Fit.", "ab"),
     ("Your own video: keypoints are detected automatically. In the terminal: tcfit review VIDEO --fit", ""),
     ("All keys. These first steps are there too.", "help"),
 )

@@ -5,12 +5,10 @@ from typing import ClassVar, Protocol
 import viser
 
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, panel_actions
-from tcfit_app.review.panels.compare_panel import ComparePanel
 from tcfit_app.review.panels.correct.correct_panel import CorrectPanel
 from tcfit_app.review.panels.export_panel import ExportPanel
 from tcfit_app.review.panels.fit.fit_panel import FitPanel
 from tcfit_app.review.panels.review_panel import ReviewPanel
-from tcfit_app.review.panels.runs.runs_panel import RunsPanel
 
 
 class Panel(Protocol):
@@ -39,5 +37,5 @@ def add_panel(kind: type[Panel]) -> None:
     ACTIONS.update(panel_actions([panel.title for panel in PANELS]))
 
 
-for _kind in (CorrectPanel, ReviewPanel, FitPanel, RunsPanel, ComparePanel, ExportPanel):
+for _kind in (CorrectPanel, ReviewPanel, FitPanel, ExportPanel):
     add_panel(_kind)

@@ -23,7 +23,7 @@ from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.glance import glance
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
-from tcfit_app.review.panels.runs.runs_panel import RunsPanel
+from tcfit_app.review.panels.fit.fit_panel import FitPanel
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.drawing_data import DrawingData
 from tests.drivers.lone_page import lone_page
@@ -160,10 +160,8 @@ def test_continue_is_pressed_and_the_export_waits_for_it(
     assert main(["export", str(folder), "--formats", "npz", "--out", str(target)]) != 0
     assert "no fit to export" in capsys.readouterr().err and not target.exists()
     with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(tiny_body)) as tested:
-        tested.only(RunsPanel)
+        tested.only(FitPanel)
         (run,) = tested.page.tab.session.fits.runs
-        tested.draw()
-        tested.press("runs.choose", str(run.id))
         tested.draw()
         tested.click("Continue")
         tested.until(lambda: not tested.page.tab.session.jobs and project.runs.get(run.id).stored)

@@ -1,4 +1,4 @@
-"""Results of other programs and learned systems as runs of a project: commands, session, panel Runs, uploads."""
+"""Results of other programs and learned systems as runs of a project: commands, session, panel Fit, uploads."""
 
 import csv
 import pickle
@@ -36,8 +36,7 @@ from tcfit_app.imports import results as importing
 from tcfit_app.imports.results import ImportChoices, import_run
 from tcfit_app.imports.uploads import upload
 from tcfit_app.project.project import Project
-from tcfit_app.review.panels.compare_panel import ComparePanel
-from tcfit_app.review.panels.runs.runs_panel import RunsPanel
+from tcfit_app.review.panels.fit.fit_panel import FitPanel
 from tests.drivers.lone_page import LonePage, tiny_page
 from tests.fitting_core.io.motion.learned_files import (
     gvhmr,
@@ -193,7 +192,7 @@ def test_a_result_needs_no_keypoints(tmp_path: Path, free_body: BodyModel):
 
 @pytest.fixture
 def tested(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel) -> Iterator[LonePage]:
-    with tiny_page(panel_server, tmp_path / "p", tiny_body, RunsPanel) as page:
+    with tiny_page(panel_server, tmp_path / "p", tiny_body, FitPanel) as page:
         yield page
 
 
@@ -208,23 +207,21 @@ def small_results(folder: Path, body: BodyModel) -> Path:
 def test_a_path_becomes_a_run_that_can_be_shown_as_a(tested: LonePage, tmp_path: Path, tiny_body: BodyModel):
     own = tested.fit()
     session, tab = tested.page.tab.session, tested.page.tab
+    tested.press(f"fits.menu {own.id}", "Import a result …")
     tested.field("Path").value = f" {small_results(tmp_path / 'theirs', tiny_body)} "
     tested.click("Import")
     tested.settle()
     assert tested.notices == [] or tested.notices[-1].kind != "error"
     run = session.fits.runs[-1]
-    assert run.kind == "imported" and tab.message[0] == "Imported: SMPLify-X: theirs; show it as A or B"
-    html = tested.html()
-    assert "imported" in html and "theirs" in html
-    assert "Use its settings" not in html
+    assert run.kind == "imported" and tab.message[0] == "Imported: SMPLify-X: theirs; Compare (2) shows it"
     shown = session.fits.show(FitChoice())
     assert shown is not None and shown.run.id == own.id, "what was imported is not the newest fit"
-    tested.click("Show as A")
     tab.set(mode="ab")
     tested.until(lambda: tab.look().a)  # its fit may have to be read again
     imported = tab.look().a
     assert imported is not None and imported.title == "SMPLify-X: theirs" and imported.run.id == run.id
-    tested.click("Show as B")
+    tested.press("fits.show", str(run.id))
+    assert "Use its settings" not in tested.html()
     with pytest.raises(InputError, match="theirs was imported: its frames and shape cannot be refitted"):
         session.rerun_shape(imported, own.config)
     assert session.edit_follower.begin_drag(imported, 0, (4,), np.zeros((1, 2))) is None
@@ -300,7 +297,7 @@ def page_a(tested: LonePage) -> Shown:
 def test_an_imported_run_is_compared_and_searched_like_any_other(
     panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel
 ):
-    with tiny_page(panel_server, tmp_path / "p", tiny_body, ComparePanel) as tested:
+    with tiny_page(panel_server, tmp_path / "p", tiny_body, FitPanel) as tested:
         own, session = tested.fit(), tested.page.tab.session
         run = session.import_run(small_results(tmp_path / "theirs", tiny_body), NONE, lambda text, share: None)
         tested.page.tab.set(mode="ab", a=FitChoice(run=run.id), b=FitChoice(run=own.id))

@@ -31,7 +31,7 @@ from tcfit_app.fitting.reports import DragEnded, JobEnded, RunningJob
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge, SetDepth
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
-from tcfit_app.review.panels.runs.run_texts import result_of
+from tcfit_app.review.panels.fit.fit_texts import result_of
 from tcfit_app.review.session.session import Session
 from tests.drivers import waiting
 from tests.samples.scenes import finished

@@ -126,9 +126,6 @@ export const PANEL_SHEET = `
 .tcfit-panel button > span { overflow: hidden; text-overflow: ellipsis; padding: 3px 0; }
 .tcfit-cells button { height: auto; min-height: 25px; padding: 0 3px; white-space: normal; }
 .tcfit-panel button:hover:not(:disabled) { background: var(--tcfit-raised); border-color: var(--tcfit-raised-edge); color: var(--tcfit-strong); }
-.tcfit-panel button > span:has(.tcfit-phase) { display: flex; align-items: center; }
-.tcfit-panel button > span:has(.tcfit-phase) > * { flex: none; white-space: pre; }
-.tcfit-panel button > span:has(.tcfit-phase) > .tcfit-name { flex: 0 1 auto; overflow: hidden; text-overflow: ellipsis; }
 .tcfit-panel button:active:not(:disabled) { background: var(--tcfit-sunk); }
 .tcfit-panel button:focus-visible { outline: 2px solid var(--tcfit-accent); outline-offset: 1px; }
 .tcfit-panel button:disabled { opacity: 0.42; cursor: default; }
@@ -160,7 +157,7 @@ export const PANEL_SHEET = `
 .tcfit-panel button.tcfit-danger:hover:not(:disabled) { background: var(--tcfit-pointed); }
 .tcfit-dim { color: var(--tcfit-dim); } .tcfit-good { color: var(--tcfit-checked); } .tcfit-bad { color: var(--tcfit-bad); }
 .tcfit-warn { color: var(--tcfit-suspicious); } .tcfit-strong { font-weight: 600; }
-.tcfit-badge { margin-left: 4px; padding: 0 4px; border: 2px solid; border-radius: 3px; line-height: 1.1; }
+.tcfit-badge { margin-right: 6px; padding: 0 4px; border: 2px solid; border-radius: 3px; line-height: 1.1; }
 .tcfit-panel .tcfit-track { background: var(--tcfit-rule); --kind: var(--tcfit-accent); margin: 5px 0 7px; }
 .tcfit-panel dl { display: grid; grid-template-columns: minmax(74px, auto) 1fr; gap: 2px 6px; margin: 4px 0; font-size: 13px; }
 .tcfit-panel dt { color: var(--tcfit-dim); overflow-wrap: anywhere; } .tcfit-panel dd { margin: 0; overflow-wrap: anywhere; }
@@ -179,7 +176,7 @@ export const PANEL_SHEET = `
 .tcfit-table .tcfit-number div { white-space: normal; }
 .tcfit-table tr[data-tcfit] { cursor: pointer; }
 .tcfit-table tr[data-tcfit]:hover td { background: var(--tcfit-pointed); }
-.tcfit-panel .tcfit-open { padding: 0; border: 0; background: none; color: inherit; font: inherit; text-align: inherit;
+.tcfit-panel .tcfit-open { display: inline; height: auto; padding: 0; border: 0; background: none; color: inherit; font: inherit; text-align: inherit;
   text-decoration: inherit; white-space: inherit; cursor: pointer; }
 .tcfit-panel .tcfit-open:focus-visible { outline: 2px solid var(--tcfit-accent); outline-offset: 1px; }
 .tcfit-table tr.tcfit-here td { background: var(--tcfit-soft); }

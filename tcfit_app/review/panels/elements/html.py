@@ -314,8 +314,7 @@ def paragraph(content: object, kind: str = "") -> Html:
 
 
 def words(content: object, kind: str) -> Html:
-    """A span of text: "good", "bad", "dim" or "strong"; on a button "phase", always shown whole, and "name",
-    which is shortened instead."""
+    """A span of text: "good", "bad", "dim" or "strong"."""
     return tag("span", content, class_=f"tcfit-{kind}")
 
 

@@ -1,31 +1,18 @@
-"""The Fit panel: settings, what to fit with them, and progress."""
+"""The Fit panel: the fits, the two that are compared, and the settings of the next one."""
 
-from collections.abc import Collection
-from functools import partial
 from typing import ClassVar
 
 import viser
 
 from fitting_core.keypoint_noise import DETECTOR_TITLES
-from tcfit_app.fitting.fit_progress import duration, time_left
-from tcfit_app.fitting.reports import RunningJob
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.run_record import Source
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.fold import Fold
-from tcfit_app.review.panels.elements.html import (
-    Board,
-    Html,
-    action,
-    button,
-    heading,
-    paragraph,
-    progress_bar,
-    row,
-    words,
-)
+from tcfit_app.review.panels.elements.html import Board, Html, action, heading, paragraph, row
+from tcfit_app.review.panels.fit.compare import Compared
+from tcfit_app.review.panels.fit.fit_list import FitList
 from tcfit_app.review.panels.fit.fit_settings import FitInputs
-from tcfit_app.review.tab.tab import Tab
 
 
 class FitPanel:
@@ -37,6 +24,7 @@ class FitPanel:
     def __init__(self, gestures: Gestures) -> None:
         self._gestures, self._tab = gestures, gestures.tab
         tab = gestures.tab
+        self._list, self._compared = FitList(gestures), Compared(tab)
         self._inputs = inputs = FitInputs(tab)
         self._head = Board(tab)
         with inputs.shown(self._again):
@@ -48,7 +36,6 @@ class FitPanel:
             inputs.add_height()
         self._main = Board(tab)
         inputs.add_changed()
-        self._progress = RunningJobs(tab)  # below all buttons, so that they do not move when a fit begins
         self._camera, self._every = Fold(tab, "fit.camera"), Fold(tab, "fit.all")
         with self._camera:
             inputs.add_camera()
@@ -91,7 +78,8 @@ class FitPanel:
     def draw(self) -> None:
         """See `Panel.draw`."""
         self._inputs.draw()
-        self._progress.draw()
+        self._list.draw()
+        self._compared.draw()
         self._camera.draw("Camera", on=self._writable)
         self._every.draw("All settings", on=self._writable)
         self._head.show(*self._heading())
@@ -145,62 +133,3 @@ class FitPanel:
 
     def _named(self, source: Source) -> str:
         return self._tab.session.fits.named(source)
-
-
-class RunningJobs:
-    """The jobs of a session, in one tab."""
-
-    def __init__(self, tab: Tab) -> None:
-        self._tab = tab
-        # Buttons apart from the text, which changes many times a second: a focused button keeps its focus.
-        self._buttons, self._said = Board(tab), Board(tab)
-
-    def draw(self) -> None:
-        """Send what changed."""
-        session = self._tab.session
-        jobs = list(session.jobs.values())
-        running = next((job for job in jobs if job.started), None)
-        self._buttons.show(*(self._cancelling(running or jobs[0], len(jobs)) if jobs else []))
-        self._said.show(*(self._running(running, jobs) if jobs else _ended(session.ended, session.fits.unwritten)))
-
-    def _cancelling(self, job: RunningJob, count: int) -> list[Html]:
-        """Buttons that cancel the running or next job, and all jobs."""
-        session, number = self._tab.session, job.number
-        cancel = partial(session.worker.cancel, number)
-        buttons = [button("Cancel", "fit.cancel", str(number), do=cancel, kind="danger")]
-        if count > 1:
-            buttons.append(button(f"Cancel all {count}", "fit.cancel", "all", do=session.cancel, kind="danger"))
-        return [heading("Running"), row(*buttons)]
-
-    def _running(self, job: RunningJob | None, jobs: list[RunningJob]) -> list[Html]:
-        waiting = [paragraph(f"waiting: {self._name(other)}", "dim") for other in jobs if other is not job]
-        return [*(_progress(job) if job else []), *waiting]
-
-    def _name(self, job: RunningJob) -> str:
-        run = self._tab.session.fits.run(job.run) if job.run is not None else None
-        return f"{run.name}, {job.title}" if run else job.title
-
-
-def _progress(job: RunningJob) -> list[Html]:
-    progress = job.progress
-    if progress is None:
-        return [paragraph(words(job.title, "strong")), paragraph("starting", "dim"), progress_bar(0.0)]
-    left = time_left(progress.remaining)
-    return [
-        paragraph(words(job.title, "strong")),
-        paragraph(progress.phrase),
-        paragraph(f"{duration(progress.elapsed)}{left and f', {left}'}", "dim"),
-        progress_bar(progress.fraction),
-    ]
-
-
-def _ended(job: RunningJob | None, unwritten: Collection[int]) -> list[Html]:
-    """How the last job ended, until the next one begins."""
-    if job is None:
-        return []
-    took = f" after {duration(job.progress.elapsed)}" if job.progress else ""
-    if job.outcome == "failed":
-        how = "not saved yet" if job.run in unwritten else "failed"
-        return [paragraph(words(f"{job.title}: {how}{took}", "strong")), paragraph(job.reason, "bad")]
-    word, kind = ("cancelled", "dim") if job.outcome == "cancelled" else ("done", "good")
-    return [paragraph(f"{job.title}: {word}{took}", kind)]

@@ -23,7 +23,6 @@ from tcfit_app.project.packed import unpack
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Press
 from tcfit_app.review.panels.export_panel import ExportPanel
-from tcfit_app.review.panels.fits_shown import run_names
 from tests.drivers.lone_page import LonePage
 from tests.samples.sessions import FRAMES
 from tests.tcfit_app.review.panels.conftest import Opener
@@ -187,19 +186,6 @@ def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of
     assert name("summary") == "-fit1.summary.json"
     tested.page.tab.set(b=FitChoice(run=second.id))
     assert name("summary") == ".summary.json"
-
-
-def test_long_names_of_runs_are_told_apart(panel_of: Opener):
-    tested = opened(panel_of)
-    run = tested.fit()
-    name = f"a very long name {'of a run ' * 15}corrected"
-    tested.page.tab.session.project.runs.rename(run.id, name)
-    renamed = tested.page.tab.session.fits.runs[0]
-    others = [replace(renamed, id=2, name=f"{name} twice"), replace(renamed, id=3, name=f"{name[:9]}, {name}")]
-    names = run_names([renamed, *others])
-    assert names == ["a very long name…n corrected", "a very long name…ected twice", "a very lo, a ver…n corrected"]
-    assert run_names([renamed, replace(renamed, id=2)])[1] == "a very long name…n corrected (#2)"
-    assert run_names([replace(renamed, name="Newest")]) == ["Newest (#1)"]
 
 
 def test_the_project_is_downloaded(panel_of: Opener, tmp_path: Path):

@@ -242,9 +242,11 @@ def test_the_next_tab_has_the_curves_that_were_chosen_last(opened: Reviewing):
 
 
 def test_enter_in_the_field_name_renames(opened: Reviewing):
-    opened.tab.get_by_role("tab", name="Runs").click()
-    field = opened.tab.locator("input.mantine-TextInput-input:visible").first
+    opened.tab.get_by_role("tab", name="Fit").click()
     run = opened.session.fits.runs[-1]
+    opened.tab.get_by_role("button", name=f"More about {run.name}").click()
+    opened.tab.get_by_role("menuitem", name="Rename …").click()
+    field = opened.field("Name")
     until(lambda: field.input_value() == run.name)
     field.press("Control+a")
     opened.tab.keyboard.type("mine")
@@ -268,7 +270,7 @@ def test_the_window_of_keys_opens_and_closes(opened: Reviewing):
 
 def test_keys_lead_to_panels(opened: Reviewing):
     selected = opened.tab.locator("[role=tab][aria-selected=true]")
-    for number, title in ((5, "Compare"), (6, "Export"), (1, "Correct")):
+    for number, title in ((3, "Fit"), (4, "Export"), (1, "Correct")):
         opened.tab.keyboard.press(f"Shift+Digit{number}")
         until(lambda title=title: selected.inner_text() == title, f"the panel {title}")
 
@@ -277,8 +279,8 @@ def test_the_panel_on_show_stays_over_a_reload_and_a_lost_connection(opened: Rev
     def shown() -> str:
         return opened.tab.locator("[role=tab][aria-selected=true]").inner_text()
 
-    opened.tab.get_by_role("tab", name="Runs").click()
-    until(lambda: shown() == "Runs")
+    opened.tab.get_by_role("tab", name="Fit").click()
+    until(lambda: shown() == "Fit")
     for part in (opened.tab.reload, opened.server.viser._websock_server.disconnect_all_clients):
         client = opened.page.tab.client.client_id
         part()
@@ -287,5 +289,5 @@ def test_the_panel_on_show_stays_over_a_reload_and_a_lost_connection(opened: Rev
                 opened.app.pages and opened.page.tab.client.client_id != client and opened.page.tab.ready
             )
         )
-        until(lambda: opened.tab.locator("[role=tab]").count() and shown() == "Runs", "the panel")
+        until(lambda: opened.tab.locator("[role=tab]").count() and shown() == "Fit", "the panel")
     opened.tab.get_by_role("tab").first.click()

@@ -7,7 +7,7 @@ from unittest.mock import MagicMock
 import pytest
 import viser
 
-from tcfit_app.review.panels.compare_panel import ReferenceField
+from tcfit_app.review.panels.fit.compare import ReferenceField
 from tests.drivers.lone_page import lone_page, sample_project
 
 

@@ -5,10 +5,8 @@ import pytest
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS
-from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.review.gestures.zooming import surroundings, zoom_to_selection
 from tests.drivers.lone_page import LonePage
-from tests.tcfit_app.review.panels.conftest import ATTACK
 
 
 def test_only_keypoints_in_the_picture_are_zoomed_to(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
@@ -57,18 +55,3 @@ def test_view_buttons(tested: LonePage):
     tested.press("bar.mode", "ab")
     tested.press("bar.compare", "Side by side")
     assert page.tab.state.mode == "ab" and not page.tab.state.wipe
-
-
-def test_choosing_runs_and_phases(tested: LonePage):
-    tested.draw()
-    page, runs = tested.page, tested.page.tab.session.fits.runs
-    assert tested.field("B shows").options == ("Newest", ATTACK, "first")
-    tested.enter("B shows", "first")
-    tested.press("runs.phase_b", "2")
-    assert page.tab.state.b == FitChoice(run=runs[0].id, phase=2)
-    tested.enter("A shows", "first")
-    tested.draw()
-    assert tested.field("A shows").value == "first"
-    page.tab.session.delete(runs[0].id)
-    tested.draw()
-    assert tested.field("A shows").value == "Newest"

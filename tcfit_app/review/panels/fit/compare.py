@@ -1,9 +1,9 @@
-"""The Compare panel: A and B in figures, and where they differ."""
+"""What the Fit panel shows while two fits are compared: which they are, their figures, and the reference."""
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import ClassVar
 
 import viser
 
@@ -11,76 +11,96 @@ from fitting_core.camera import Camera
 from fitting_core.measure.references.files import POINT_FILES, read_reference
 from fitting_core.measure.references.reference import Reference
 from tcfit_app.analysis.run_metrics import ComparedMetric, compare
-from tcfit_app.fitting.fits import Shown
+from tcfit_app.fitting.fits import FitChoice, Shown, pass_of, passes_of
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.imports.uploads import kept_as
 from tcfit_app.project.storage.names import name_of_file
-from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.panels.elements.field import frame_number
+from tcfit_app.project.storage.run_record import by_name
+from tcfit_app.review.panels.elements.field import Dropdown, frame_number
 from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
+from tcfit_app.review.panels.elements.fold import Fold
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
     button,
-    dot,
     heading,
     joined,
     line,
     paragraph,
+    row,
     table,
     text,
     words,
 )
-from tcfit_app.review.panels.fits_shown import FitsShown
 from tcfit_app.review.session.tasks import Step
-from tcfit_app.review.tab.on_show import SLOT_COLORS
+from tcfit_app.review.tab.on_show import SLOTS, Slot
 from tcfit_app.review.tab.tab import Tab
 
 _MEASURING = "Measuring …"
-_NO_FIT = "Nothing is compared: choose Compare (2)."
 _BETTER = "better in green"
-_SAME = "A and B are the same fit: choose another one above."
+_SAME = "A and B are the same fit: choose another."
+_HINTS: dict[Slot, str] = {"a": "Left, and what Blink shows", "b": "Right; corrections go to it"}
 
 
-class ComparePanel:
-    """See `Panel`."""
+class Compared:
+    """A part of the Fit panel, shown while two fits are."""
 
-    title: ClassVar[str] = "Compare"
-    icon: ClassVar[viser.IconName] = viser.Icon.SCALE
-
-    def __init__(self, gestures: Gestures) -> None:
-        self._gestures, self._tab = gestures, gestures.tab
-        tab = gestures.tab
-        self._shown = FitsShown(gestures)
-        self._head, self._against = Board(tab), Board(tab)
-        self._figures = Board(tab)
-        with tab.client.gui.add_folder("Reference", expand_by_default=False):
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
+        self._choices: dict[str, FitChoice] = {"": FitChoice()}
+        """By their names in the dropdowns."""
+        self._head, self._fits = Board(tab), [self._dropdown(side) for side in SLOTS]
+        self._against, self._figures = Board(tab), Board(tab)
+        self._fold = Fold(tab, "compare.reference")
+        with self._fold:
             self._reference = ReferenceField(tab)
 
+    def _dropdown(self, side: Slot) -> Dropdown:
+        handle = self._tab.client.gui.add_dropdown(side.upper(), ("",), hint=_HINTS[side])
+        choose, read = partial(self._choose, side), partial(self._read, side)
+        on = lambda: self._tab.state.comparing  # noqa: E731
+        return Dropdown(self._tab, handle, choose, read, options=lambda: tuple(self._choices), when=on)
+
+    def _choose(self, side: Slot, name: str) -> None:
+        if name in self._choices:
+            self._tab.set(**{side: self._choices[name]})
+
+    def _read(self, side: Slot) -> str:
+        fit = self._tab.shown.fit(side)
+        now = None if fit is None else FitChoice(run=fit.run.id, phase=None if fit.last else fit.phase)
+        return next((name for name, choice in self._choices.items() if choice == now), next(iter(self._choices)))
+
+    def _offered(self) -> dict[str, FitChoice]:
+        """All fits, each followed by its own earlier passes, the newest first."""
+        found: dict[str, FitChoice] = {}
+        for name, run in by_name([*reversed(self._tab.session.fits.showable())]).items():
+            found[name] = FitChoice(run=run.id)
+            found |= {f"{name} · {pass_of(run, n)}": FitChoice(run=run.id, phase=n) for n in passes_of(run)}
+        return found or self._choices
+
+    def _stop(self) -> None:
+        self._tab.set(mode="edit" if self._tab.state.mode == "ab" else self._tab.state.mode, blinked=False)
+        self._tab.set(difference=False, ghost=False)
+
     def draw(self) -> None:
-        """See `Panel.draw`."""
-        tab = self._tab
+        """Send what changed."""
+        tab, on = self._tab, self._tab.state.comparing
+        self._choices = self._offered() if on else self._choices
+        for dropdown in self._fits:
+            dropdown.draw()
         a, b = tab.shown.a, tab.shown.b
-        self._shown.draw()
-        self._reference.draw()
-        if a is None or b is None:
-            self._head.show(paragraph(_NO_FIT, "dim"))
-            for board in (self._against, self._figures):
-                board.show()
-            return
-        self._head.show(*self._heads(a, b))
-        if tab.session.edit_follower.lags:  # figures take all meshes, so not of fits that are about to change
+        same = a is not None and b is not None and (a.run.id, a.phase) == (b.run.id, b.phase)
+        stop = row(button("Stop comparing", "compare.stop", do=self._stop))
+        self._head.show(*([heading("Compared"), stop, *([paragraph(_SAME, "dim")] if same else [])] if on else []))
+        if self._fold.draw("Reference", on=on):
+            self._reference.draw()
+        if a is None or b is None or same:
+            self._against.show()
+            self._figures.show()
+        elif tab.session.edit_follower.lags:  # figures take all meshes, so not of fits that are about to change
             self._figures.show(paragraph(_MEASURING, "dim"))
         else:
             self._draw_figures(a, b)
-
-    def _heads(self, a: Shown, b: Shown) -> list[Html]:
-        named = zip("AB", SLOT_COLORS.values(), (a, b), strict=True)
-        rows = [paragraph(joined(dot(color), text(f"{name}: {fit.title}"))) for name, color, fit in named]
-        same = (a.run.id, a.phase) == (b.run.id, b.phase)
-        if same:
-            rows.append(paragraph(_SAME, "dim"))
-        return rows
 
     def _draw_figures(self, a: Shown, b: Shown) -> None:
         """The figures available so far."""

@@ -1,4 +1,4 @@
-"""The panel Runs: naming, showing, deleting, restoring."""
+"""The list of fits in the panel Fit: showing, naming, deleting, restoring."""
 
 from dataclasses import replace
 
@@ -10,56 +10,83 @@ from fitting_core.errors import InputError
 from tcfit_app.analysis.seen import FAINT
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import MarkBad
-from tcfit_app.project.storage.run_record import Given, Source
+from tcfit_app.project.storage.run_record import Given, Run, Source
 from tcfit_app.review.drawing.frame import Frames
-from tcfit_app.review.panels.compare_panel import ComparePanel
-from tcfit_app.review.panels.runs.runs_panel import RunsPanel
+from tcfit_app.review.panels.fit.fit_list import LISTED
+from tcfit_app.review.panels.fit.fit_panel import FitPanel
 from tcfit_app.review.tab.state import FitSettings
+from tests.drivers.lone_page import LonePage
 from tests.samples.sessions import QUICK
 from tests.tcfit_app.review.panels.conftest import ATTACK, Opener
 
 
-def test_runs_are_renamed_shown_deleted_and_restored(panel_of: Opener):
-    tested = panel_of(RunsPanel)
-    session = tested.page.tab.session
-    assert "No fits yet" in tested.html()
-    first, second = tested.fit(), tested.fit()
-    tested.press("runs.choose", str(first.id))
+@pytest.fixture
+def tested(panel_of: Opener) -> LonePage:
+    made = panel_of(FitPanel)
+    made.page.tab.set(folds=frozenset({"fit.deleted"}))
+    return made
+
+
+def choose(tested: LonePage, run: Run, label: str) -> None:
+    """A line in the menu of the fit on show."""
+    tested.press(f"fits.menu {run.id}", label)
     tested.draw()
-    tested.enter("Name", ATTACK)
+
+
+def rename(tested: LonePage, run: Run, name: str) -> None:
+    choose(tested, run, "Rename …")
+    tested.enter("Name", name)
     tested.click("Rename")
+    tested.draw()
+
+
+def test_fits_are_shown_renamed_deleted_and_restored(tested: LonePage):
+    tab, session = tested.page.tab, tested.page.tab.session
+    first, second = tested.fit(), tested.fit()
+    tested.press("fits.show", str(first.id))
+    assert tab.state.b == FitChoice(run=first.id)
+    rename(tested, first, ATTACK)
     assert session.project.runs.get(first.id).name == ATTACK
     assert "<img" not in tested.html() and "&lt;img src=x" in tested.html()
-    tested.click("Show as A")
-    assert tested.page.tab.state.a == FitChoice(run=first.id)
-    tested.click("Delete")
-    tested.draw()
+    choose(tested, first, "Delete")
     assert [run.id for run in session.fits.runs] == [second.id]
+    shown = tab.look().b
+    assert shown is not None and shown.run.id == second.id, "the newest, in its place"
     tested.click("Restore")
     assert [run.id for run in session.fits.runs] == [first.id, second.id]
-    tested.press("runs.choose", str(first.id))
-    tested.draw()
-    assert tested.field("Name").value == ATTACK
+    tested.until(lambda: (shown := tab.look().b) is not None and shown.run.id == first.id)  # what was chosen
+    rename(tested, first, "   ")
+    assert tested.notices[-1].kind == "error" and session.project.runs.get(first.id).name == ATTACK
 
 
-def test_in_the_place_of_a_deleted_run_the_newest_is_shown(panel_of: Opener):
-    tested = panel_of(RunsPanel)
-    tab = tested.page.tab
-    first, second = tested.fit(), tested.fit()
-    tab.set(b=FitChoice(run=second.id))
-    tested.press("runs.choose", str(second.id))
-    tested.click("Delete")
-    shown = tab.look().b
-    assert shown is not None and shown.run.id == first.id and tab.shown.held is not None
-    tested.draw()
-    folders = [h for h in tested._children() if getattr(h, "label", "") == "Deleted runs"]
-    assert [(folder.visible, folder.expand_by_default) for folder in folders] == [(True, True)]
-    tested.press("deleted.restore", str(second.id))
-    tested.until(lambda: (shown := tab.look().b) is not None and shown.run.id == second.id)  # what was chosen
+def test_a_fit_and_its_corrections_are_one_row(tested: LonePage):
+    tab, run = tested.page.tab, tested.fit()
+    tab.set(selection=(kp.INDEX["right_wrist"],))
+    for _ in range(2):
+        tested.page.gestures.correcting.nudge(5.0, 0.0)
+        tested.until(lambda: not tab.session.jobs and not tab.session.edit_follower.busy)
+    assert "Fit 1 with 2 corrections" in tested.html() and tested.html().count("fits.show") == 2, "a row and its button"
+    rename(tested, run, "waltz")
+    assert "waltz with 2 corrections" in tested.html()
+    choose(tested, run, "Compare with/waltz")
+    assert (tab.look().a.run.id, tab.look().b.run.kind) == (run.id, "corrections")
+    choose(tested, run, "Delete")
+    assert not tab.session.fits.runs and "Deleted (1)" in tested.html()
+    tested.click("Restore")
+    assert [one.kind for one in tab.session.fits.runs] == ["fit", "corrections"]
 
 
-def test_a_run_is_corrected_as_long_as_a_correction_stands(panel_of: Opener):
-    tested = panel_of(RunsPanel)
+def test_the_newest_are_listed_and_the_others_on_request(tested: LonePage):
+    session, first = tested.page.tab.session, tested.fit()
+    for _ in range(LISTED + 1):
+        session.project.runs.start(QUICK, body=first.body, edits_seen=0)
+    html = tested.html()
+    assert "Fit 1<" in html and "Fit 2<" not in html and f"Fit {LISTED + 2}<" in html, "the one on show, and the newest"
+    tested.click("1 more")
+    assert "Fit 2<" in tested.html()
+
+
+def test_a_run_is_corrected_as_long_as_a_correction_stands(tested: LonePage):
     tab, correcting = tested.page.tab, tested.page.gestures.correcting
     run = tested.fit()
     tab.set(selection=(kp.INDEX["right_wrist"],), b=FitChoice(run=run.id))
@@ -87,8 +114,7 @@ def test_a_run_is_corrected_as_long_as_a_correction_stands(panel_of: Opener):
     assert [one.kind for one in tab.session.fits.runs] == ["fit", "corrections"]
 
 
-def test_what_keypoints_do_not_show_is_fainter(panel_of: Opener):
-    tested = panel_of(RunsPanel)
+def test_what_keypoints_do_not_show_is_fainter(tested: LonePage):
     tested.fit()
     tab = tested.page.tab
     tab.session.edit(MarkBad(frames=(2, 3), joints=(kp.INDEX["left_wrist"],)), author="me")
@@ -114,48 +140,42 @@ def test_what_keypoints_do_not_show_is_fainter(panel_of: Opener):
     assert "no keypoints here" in told and "no keypoint" not in title
 
 
-def test_a_new_run_does_not_take_the_place_of_the_one_at_hand(panel_of: Opener):
-    tested = panel_of(RunsPanel)
+def test_a_button_acts_on_the_fit_that_it_was_for(tested: LonePage):
     first = tested.fit()
     tested.draw()
-    tested.enter("Name", "mine")
-    rename, delete = (tested.button(label) for label in ("Rename", "Delete"))
     second = tested.fit()
-    tested.draw()
-    assert tested.field("Name").value == "mine" and f"{first.id}" in rename.value
-    tested.press("runs.choose", str(second.id))
-    tested.draw()  # the user presses just before that is drawn
-    tested.press(delete.command, delete.value)
-    assert [run.id for run in tested.page.tab.session.fits.runs] == [second.id]
+    tested.press("fits.show", str(second.id))
+    choose(tested, second, "Delete")
+    tested.press("fits.show", str(first.id))
+    choose(tested, first, "Rename …")
+    session = tested.page.tab.session
+    session.delete(first.id)
     with pytest.raises(InputError, match="has been deleted"):
-        tested.press(rename.command, rename.value)
+        tested.press("fits.rename", str(first.id))
 
 
-def test_removing_for_good_asks(panel_of: Opener):
-    tested = panel_of(RunsPanel)
+def test_removing_for_good_asks(tested: LonePage):
     run = tested.fit()
-    tested.click("Delete")
+    choose(tested, run, "Delete")
     tested.click("Remove all permanently")
     assert tested.page.tab.session.project.runs.get(run.id).deleted
     tested.click("Keep them")
-    assert "Remove 1 deleted run" not in tested.html()
+    assert "Remove 1 deleted fit" not in tested.html()
     tested.click("Remove all permanently")
-    tested.click("Remove 1 deleted run")
+    tested.click("Remove 1 deleted fit")
     with pytest.raises(InputError, match="no run"):
         tested.page.tab.session.project.runs.get(run.id)
 
 
-def test_settings_of_a_run_are_taken_for_the_next(panel_of: Opener):
-    tested = panel_of(RunsPanel)
-    tested.fit()
+def test_settings_of_a_run_are_taken_for_the_next(tested: LonePage):
+    run = tested.fit()
     tested.page.tab.set(settings=FitSettings())
-    tested.click("Use its settings")
+    choose(tested, run, "Use its settings")
     settings = tested.page.tab.state.settings
     assert (settings.config, settings.preset, settings.focal) == (QUICK, "paper", None)
 
 
-def test_a_fit_that_starts_from_a_run_is_shown_beside_it(panel_of: Opener):
-    tested = panel_of(RunsPanel)
+def test_a_fit_that_starts_from_a_run_is_shown_beside_it(tested: LonePage):
     tab, session, first = tested.page.tab, tested.page.tab.session, tested.fit()
     tab.set(settings=replace(FitSettings(config=QUICK), given=Given(start=Source(run=first.id))))
     tested.page.gestures.fitting.everything()
@@ -163,29 +183,10 @@ def test_a_fit_that_starts_from_a_run_is_shown_beside_it(panel_of: Opener):
     run = session.fits.runs[-1]
     assert (run.kind, run.state, run.parent) == ("fit", "finished", first.id)
     assert tab.state.a == FitChoice(run=first.id), "what it began with stands beside it"
-    tested.press("runs.choose", str(run.id))
+    choose(tested, run, "Details")
     html = tested.html()
-    assert "started from another result" in html
+    assert "Fit 2 from Fit 1" in html
     assert f"Phase 1 begins with {first.name}" in html, "the sentence is among its notes"
     tab.set(settings=FitSettings())
-    tested.click("Use its settings")
+    choose(tested, run, "Use its settings")
     assert tab.state.settings.given == run.given
-
-
-def test_a_run_without_a_name_is_refused(panel_of: Opener):
-    tested = panel_of(RunsPanel)
-    tested.fit()
-    tested.draw()
-    tested.enter("Name", "   ")
-    tested.click("Rename")
-    assert tested.notices[-1].kind == "error" and tested.page.tab.session.fits.runs[0].name == "Fit 1"
-
-
-def test_nothing_is_sent_when_nothing_changed(panel_of: Opener):
-    tested = panel_of(ComparePanel)
-    before = tested.html()
-    tested.fit()
-    tested.page.tab.set(mode="ab")
-    assert tested.html() != before
-    tested.until(lambda: "Jitter" in tested.html())
-    assert not tested.draw()

@@ -1,4 +1,4 @@
-"""The panel Compare."""
+"""What the panel Fit shows while two fits are compared."""
 
 from pathlib import Path
 
@@ -8,27 +8,33 @@ import pytest
 from fitting_core import keypoints as kp
 from tcfit_app.analysis.run_metrics import Metric
 from tcfit_app.fitting.fits import FitChoice, Shown
-from tcfit_app.review.panels.compare_panel import ComparePanel
-from tcfit_app.review.panels.runs.runs_panel import RunsPanel
+from tcfit_app.review.panels.fit.fit_panel import FitPanel
 from tests.drivers.lone_page import LonePage
 from tests.samples.sessions import FRAMES
 from tests.tcfit_app.review.panels.conftest import Opener
 
 
 def test_two_fits_are_compared(panel_of: Opener):
-    tested = panel_of(ComparePanel)
-    tested.fit()
-    assert "Nothing is compared" in tested.html()
-    tested.page.tab.set(mode="ab")
+    tested = panel_of(FitPanel)
+    run, tab = tested.fit(), tested.page.tab
+    assert "Compared" not in tested.html() and not tested.field("A").visible
+    tab.set(mode="ab")
     assert "Measuring" in tested.html()
     tested.until(lambda: "Jitter" in tested.html() and "B − A" in tested.html())
+    assert not tested.draw(), "nothing is sent when nothing changed"
+    assert (tested.field("A").value, tested.field("B").value) == ("Fit 1 · first pass", "Fit 1")
+    tested.enter("A", "Fit 1 · one shape")
+    assert tab.state.a == FitChoice(run=run.id, phase=2)
+    tested.enter("B", "Fit 1 · one shape")
+    assert "the same fit" in tested.html()
+    tested.click("Stop comparing")
+    assert tab.state.mode == "edit" and tab.look().a is None
 
 
 def test_a_re_run_stands_beside_what_it_came_from(panel_of: Opener):
-    tested = panel_of(RunsPanel)
+    tested = panel_of(FitPanel)
     first = tested.fit()
     tab, session = tested.page.tab, tested.page.tab.session
-    assert tested.button("Compare with its parent").disabled
     tab.set(frames=range(2, 5))
     tested.page.gestures.fitting.frames()
     rerun = session.fits.runs[-1]
@@ -40,10 +46,9 @@ def test_a_re_run_stands_beside_what_it_came_from(panel_of: Opener):
     assert a is not None and b is not None and (a.run.id, b.run.id) == (first.id, rerun.id)
     seconds = {metric.name: metric.value for metric in _metrics(tested, b)}["seconds"]
     assert b.result is not None and seconds == pytest.approx(b.result.seconds), "its own, not its parent's"
-    tab.set(a=FitChoice(), b=FitChoice())
-    tested.draw()
-    tested.click("Compare with its parent")
-    assert (tab.state.mode, tab.state.a.run, tab.state.b.run) == ("ab", first.id, rerun.id)
+    tab.set(mode="edit", a=FitChoice(), b=FitChoice())
+    tested.press(f"fits.menu {rerun.id}", "Compare with the one before")
+    assert tab.state.mode == "ab" and (tab.look().a.run.id, tab.look().b.run.id) == (first.id, rerun.id)
 
 
 def _metrics(tested: LonePage, shown: Shown) -> tuple[Metric, ...]:
@@ -54,10 +59,10 @@ def _metrics(tested: LonePage, shown: Shown) -> tuple[Metric, ...]:
 
 
 def test_fits_are_compared_with_a_reference(panel_of: Opener, tmp_path: Path):
-    tested = panel_of(ComparePanel)
+    tested = panel_of(FitPanel)
     points = np.random.default_rng(0).normal(0, 0.2, (FRAMES, len(kp.LIMBS), 3))
     np.savez(tmp_path / "reference.npz", points=points, names=np.array(kp.NAMES)[kp.LIMBS])
-    tested.draw()
+    tested.page.tab.set(mode="ab", folds=frozenset({"compare.reference"}))
     assert "only be compared with each other" in tested.html()
     tested.click("Compare with this")
     assert tested.notices[-1].kind == "error" and "Type where" in tested.notices[-1].text
@@ -70,7 +75,6 @@ def test_fits_are_compared_with_a_reference(panel_of: Opener, tmp_path: Path):
     tested.click("Compare with this")
     tested.until(lambda: "in its own world" in tested.html())
     tested.fit()
-    tested.page.tab.set(mode="ab")
     tested.until(lambda: f"PA-MPJPE, {FRAMES - 2} of {FRAMES} frames" in tested.html())
     assert tested.page.tab.session.project.reference is not None
     tested.click("Remove the reference")
