@@ -43,7 +43,8 @@ class Notes:
             self._field = gui.add_text(FIELD, "", hint=hint)
             for_writers(tab, self._field)
             self._board = Board(tab)
-            with gui.add_folder("Notes from ELAN", expand_by_default=False):
+            self._elan_fold = Fold(tab, "elan")
+            with self._elan_fold:
                 Board(tab).show(paragraph(_ELAN, "dim"))
                 self._elan = FileInput(
                     tab,
@@ -84,6 +85,7 @@ class Notes:
         tab, changing, notes = self._tab, self._noting.changing, self._tab.session.project.notes
         if not self._fold.draw(f"Notes ({len(notes)})" if notes else "Notes"):
             return
+        self._elan_fold.draw("Notes from ELAN")
         self._elan.draw()
         where = "" if tab.state.playing else in_words(tab.chosen_frames, tab.first_frame)
         off = tab.session.project.read_only

@@ -181,11 +181,11 @@ class ReviewPanel:
         """The menu of what is needed less often."""
         gestures, tab = self._gestures, self._tab
         flagged = not tab.state.playing and gestures.reviewing.are("flag", tab.chosen_frames)
-        flag = f"{'Remove flag' if flagged else 'Flag'}, {in_words(tab.chosen_frames, tab.first_frame)}"
+        flag = f"{'Remove flag:' if flagged else 'Flag'} {in_words(tab.chosen_frames, tab.first_frame)}"
         items: list[Item | None] = [
             action_item(gestures, "previous_suspect", "Previous place"),
             action_item(gestures, "flag", "Flag on or off" if tab.state.playing else flag),
-            action_item(gestures, "all_fine", f"All {len(self._suspects)} look fine"),
+            action_item(gestures, "all_fine", f"All listed look fine ({len(self._suspects)})"),
             action_item(gestures, "copy_link"),
         ]
         counts, now = kinds_of(() if self._found is None else self._found.left), tab.state.queue_kind

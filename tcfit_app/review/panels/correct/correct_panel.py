@@ -26,7 +26,6 @@ from tcfit_app.review.panels.elements.html import (
     heading,
     menu_button,
     paragraph,
-    progress_bar,
     row,
 )
 from tcfit_app.review.panels.elements.selected_frames import unseen
@@ -78,7 +77,7 @@ class CorrectPanel:
         self._shapes.draw(on=fitted and not refusal(self._gestures.shaping.side))
         if self._depth_fold.draw("Depth, pin, lock", on=fitted):
             self._depth.show(*self._in_depth())
-        self._always.show(*self._of_frames() if writable else [])
+        self._always.show(*[self._of_frames()] if writable else [])
         done = project.standing.counted(project.last_edit)
         if self._corrections_fold.draw(f"Corrections ({done})"):
             self._corrections.show(*self._history())
@@ -135,22 +134,20 @@ class CorrectPanel:
             *([row(act("lock", "Lock rotation"), act("unlock", "Unlock"))] if lockable else []),
         ]
 
-    def _of_frames(self) -> list[Html]:
+    def _of_frames(self) -> Html:
         """What acts on frames, whatever is selected."""
-        gestures, again = self._gestures, self._gestures.again
+        gestures = self._gestures
         swaps = [action_item(gestures, f"swap_{part}", part.capitalize()) for part in SWAPPABLE]
-        swap = menu_button("Swap left and right ▾", "correct.swap", swaps)
-        if again.busy and (going := again.going) is not None:
-            words = going.title if going.stopping else f"{going.title}: {going.text}"
-            stop = self._action("cancel_detecting", "Cancel", disabled=going.stopping, kind="danger")
-            return [paragraph(words), progress_bar(going.share or 0.0), row(stop, swap)]
         names = {part: part_name(part).capitalize() for part in PARTS}
         detect = (
             *(action_item(gestures, f"detect_{part}", name) for part, name in names.items()),
             None,
             *(action_item(gestures, f"frame_{part}", f"{name} in a rectangle") for part, name in names.items()),
         )
-        return [row(menu_button("Detect again ▾", "correct.detect", detect), swap)]
+        return row(
+            menu_button("Detect again ▾", "correct.detect", detect),
+            menu_button("Swap left and right ▾", "correct.swap", swaps),
+        )
 
     def _history(self) -> list[Html]:
         tab, project = self._tab, self._tab.session.project

@@ -175,7 +175,7 @@ def test_a_look_that_goes_on_says_how_far_it_is_and_can_be_cancelled(tested: Lon
     assert "Detecting the person again: opening the detector" in chips(tested)
     with pytest.raises(InputError, match="Detecting the person again: wait for it, or cancel it"):
         tested.press("action", "detect_face")
-    tested.click("Cancel")
+    tested.press("action", "cancel_detecting")
     looking.goes_on.set()
     tested.settle()
     assert not project_of(tested).log and tested.page.tab.message[0] == "Detecting the person again: cancelled"

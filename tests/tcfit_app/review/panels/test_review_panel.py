@@ -135,7 +135,7 @@ def test_all_listed_entries_are_marked_as_fine_except_for_flagged_ones(panel_ser
         project.marks.set([0], "flag")
         for kind in ("Jumps", "Depth"):
             tested.press("review.menu", f"{kind}: 50")
-            assert "All 50 look fine" in tested.html()
+            assert "All listed look fine (50)" in tested.html()
             tested.press("action", "all_fine")
         assert left(None).left == (entries[0],)
         assert len(project.log) == 1 + len(kinds), "one undo for each"
@@ -194,7 +194,7 @@ def test_an_entry_outside_the_selected_frames_ends_their_selection(tested: LoneP
     wide = replace(suspect(2), frames=range(1, 4))
     page.gestures.reviewing.show(wide)
     span = f"frames {FIRST + 1}–{FIRST + 3}"
-    assert f'title="left arm, {span} (O)"' in tested.html() and f"Flag, {span}" in tested.html()
+    assert f'title="left arm, {span} (O)"' in tested.html() and f"Flag {span}" in tested.html()
     tested.press("action", "fine")
     marks = page.tab.session.project.marks
     assert sorted(marks.of_limbs()["left arm"]) == list(marks.states()) == [1, 2, 3] and not marks.all()
