@@ -42,12 +42,13 @@ class Status:
 
     def __init__(self, gestures: Gestures) -> None:
         self._tab, self._correcting, self._again = gestures.tab, gestures.correcting, gestures.again
+        self._exporting = gestures.exporting
 
     def messages(self, now: float, problem: str) -> list[Message]:
         """The current messages, the most urgent first; `problem` says what cannot be shown, and why."""
         tab, session = self._tab, self._tab.session
         running = [job for job in session.jobs.values() if job.started]
-        found = self._detecting()
+        found = self._tasks()
         found += [progress_message(job, partial(session.cancel, job.run)) for job in running]
         if session.edit_follower.busy and not self._correcting.dragging:
             found.append(Message(text="Fit is following the edit", kind="busy"))
@@ -73,13 +74,14 @@ class Status:
         except InputError:  # the body is missing, which `problem` says
             return ""
 
-    def _detecting(self) -> list[Message]:
-        """What is being detected, or what the rectangle to be drawn is for."""
-        found, again, session = [], self._again, self._tab.session
+    def _tasks(self) -> list[Message]:
+        """What is being detected or exported, or what the rectangle to be drawn is for."""
+        found, again, source, exporting = [], self._again, self._tab.session.source, self._exporting
         if again.framing is not None:
             words = f"Draw a rectangle around the {part_name(again.framing)}"
             found.append(Message(text=words, cancel=again.give_up_framing))
-        for task, cancel in ((again.going, again.cancel), (session.source.going, session.source.cancel)):
+        going = (again.going, again.cancel), (source.going, source.cancel), (exporting.running, exporting.cancel)
+        for task, cancel in going:
             if task is not None and task.state == "running":
                 found.append(task_message(task, cancel))
         return found

@@ -15,7 +15,7 @@ from tcfit_app.project.storage.run_record import newest
 from tcfit_app.review.session.tasks import Step, Task
 from tcfit_app.review.tab.on_show import SLOTS, OnShow, Slot, on_show
 from tcfit_app.review.tab.state import TabState
-from tcfit_app.review.tab.tab import Tab
+from tcfit_app.review.tab.tab import LONG, SHORT, Tab
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,10 +40,6 @@ class Exporting:
         self.wishes = Wishes()
         self.running: Task[tuple[bytes, str | None]] | None = None
         """The export started last; its title is the file's name."""
-        self.size = 0
-        """Size of its file in bytes."""
-        self.note = ""
-        """A remark on it."""
 
     @cached_property
     def formats(self) -> dict[str, Export]:
@@ -80,7 +76,7 @@ class Exporting:
     @property
     def compared(self) -> bool:
         """Whether there are two fits to choose from."""
-        return self._tab.state.mode == "ab" and len(self.fits) > 1
+        return self._tab.state.mode == "ab" and len({fit.version for fit in self.fits.values()}) > 1
 
     @property
     def side(self) -> Slot:
@@ -110,19 +106,22 @@ class Exporting:
         file = file_name(export, "-".join([source.name, *self._parts(export)]), zipped=True)
 
         def work(report: Step) -> tuple[bytes, str | None]:
-            return content_of(export, source, lambda share: report("", share))
+            return content_of(export, source, lambda share: report("being written", share))
 
         self.running = self._tab.session.tasks.submit(file, work, owner=self._tab, then=self._ended)
-        self._tab.say(f"{file} is being made")
+
+    def cancel(self) -> None:
+        """Stop writing."""
+        if self.running is not None:
+            self.running.cancel()
 
     def _ended(self, made: Task[tuple[bytes, str | None]]) -> None:
         if made.state == "failed":
             self._tab.notify(Notice(title=f"{made.title} could not be written", text=made.reason, kind="error"))
         if made.state == "finished":
             content, note = made.result()
-            self.size, self.note = len(content), note or ""
             self._tab.client.send_file_download(made.title, content, save_immediately=True)
-            self._tab.say(f"{made.title}: downloaded")
+            self._tab.say(". ".join(filter(None, (f"{made.title}: downloaded", note))), LONG if note else SHORT)
 
     def _parts(self, export: Export) -> list[str]:
         """What tells apart file names of other fits and frames; nothing for the newest fit (or the two that Compare

@@ -9,7 +9,6 @@ from fitting_core.motion import AXES, OWN_WORLD
 from tcfit_app.exports.table import AXES_CHOICES, PROGRAMS, VIEW_CHOICES, VIEW_HINT, Group
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.actions import Gestures, refusal
-from tcfit_app.review.gestures.exporting import Exporting
 from tcfit_app.review.panels.elements.fold import Fold
 from tcfit_app.review.panels.elements.html import (
     Board,
@@ -21,10 +20,8 @@ from tcfit_app.review.panels.elements.html import (
     heading,
     joined,
     paragraph,
-    progress_bar,
     row,
     tag,
-    text,
     words,
 )
 
@@ -46,7 +43,6 @@ class ExportPanel:
         self._axes_fold = Fold(gestures.tab, "export.axes")
         with self._axes_fold:
             self._axes = Board(gestures.tab)
-        self._said = Board(gestures.tab)
 
     def draw(self) -> None:
         """See `Panel.draw`."""
@@ -55,13 +51,12 @@ class ExportPanel:
         self._programs.show(heading("For which program?", first=True), *self._parts(), *self._of_programs())
         self._formats.show(*(self._of_formats() if self._formats_fold.draw("All formats") else []))
         self._axes.show(*(self._of_axes() if self._axes_fold.draw(self._axes_title()) else []))
-        self._said.show(*_said(self._exporting))
 
     def _parts(self) -> list[Html]:
         """Which of two fits, and which frames; nothing where there is no choice."""
         exporting, wishes, shown = self._exporting, self._exporting.wishes, []
         if exporting.compared:
-            fits = {side: fit.title_with_pass for side, fit in exporting.fits.items()}
+            fits = {side: f"{side.upper()}: {fit.title_with_pass}" for side, fit in exporting.fits.items()}
             take, pressed = (lambda side: exporting.wish(side=side)), (lambda side: side == exporting.side)
             shown += choices("export.side", fits, take, pressed, kind="tall")
         elif (fit := exporting.fits.get("b")) is None:
@@ -131,29 +126,3 @@ def _axes_hint(name: str) -> str:
         return _AXES_HINT
     text = "As in the camera file" if name == OWN_WORLD else AXES[name].text
     return f"{text}; applies to motions, meshes, TRC and C3D"
-
-
-def _said(exporting: Exporting) -> list[Html]:
-    """The progress of an export, or how it ended."""
-    going = exporting.running
-    if going is None:
-        return []
-    name = words(going.title, "strong")
-    if going.state == "failed":
-        return [paragraph(joined(name, text(" could not be written"))), paragraph(going.reason, "bad")]
-    if going.state == "finished":
-        sent = words("downloaded", "good")
-        remark = [paragraph(exporting.note, "dim")] if exporting.note else []
-        return [paragraph(joined(name, text(": "), sent, text(f" ({_size(exporting.size)})"))), *remark]
-    if going.state == "cancelled":
-        return [paragraph(joined(name, text(": cancelled")))]
-    doing = " is stopping …" if going.stopping else f" in progress … {going.share or 0.0:.0%}"
-    return [
-        paragraph(joined(name, text(doing))),
-        progress_bar(going.share or 0.0),
-        row(button("Cancel", "export.cancel", do=going.cancel, disabled=going.stopping, kind="danger")),
-    ]
-
-
-def _size(count: int) -> str:
-    return f"{count / 1e6:.1f} MB" if count >= 1e6 else f"{max(1, round(count / 1e3))} kB"

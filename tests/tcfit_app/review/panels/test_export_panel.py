@@ -71,7 +71,7 @@ def downloaded(tested: LonePage, name: str) -> bytes:
     tested.settle()
     assert running is not None
     assert running.state == "finished", running.reason
-    assert "downloaded" in tested.html()
+    assert tested.page.tab.message[0].startswith(f"{running.title}: downloaded")
     return tested.downloads[running.title]
 
 
@@ -233,19 +233,22 @@ def exporting(panel_of: Opener, monkeypatch: pytest.MonkeyPatch, write: Callable
 def test_an_export_can_be_cancelled(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
     tested = exporting(panel_of, monkeypatch, endless)
     tested.press("export.begin", "odd")
-    tested.until(lambda: "in progress … 50%" in tested.html())
+    shown = lambda: [message for message in tested.page.header.status.messages(0.0, "") if message.progress]  # noqa: E731
+    tested.until(lambda: shown() and shown()[0].progress == 0.5)
     with pytest.raises(InputError, match="is still being made"):
         tested.press("export.begin", "odd")
-    tested.click("Cancel")
+    (message,) = shown()
+    assert "clip.x: being written" in message.text and message.cancel is not None
+    message.cancel()
     tested.settle()
-    assert "cancelled" in tested.html() and not tested.downloads
+    assert not tested.downloads and not shown()
 
 
 def test_why_an_export_fails_is_told(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
     tested = exporting(panel_of, monkeypatch, broken)
     tested.press("export.begin", "odd")
     tested.settle()
-    assert "No off-screen OpenGL here." in tested.html() and not tested.downloads
+    assert tested.notices[-1].text == "No off-screen OpenGL here." and not tested.downloads
 
 
 def test_an_export_ends_with_its_tab(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
