@@ -156,7 +156,8 @@ function drawNow() {
   nothing.hidden = shown.length > 0 || !arrived;
   nothing.textContent = rows.size
     ? "No clip matches. Clear the search, or choose another state."
-    : "There is no clip in this folder yet. Copy a video, a folder of frames or a project into it, and it appears here.";
+    : "There is no clip in this folder yet. " +
+      "Copy a video, a folder of frames or a project into it, and it appears here.";
   keep();
 }
 
