@@ -235,10 +235,10 @@ class Page:
             self.gestures.correcting.move_key(event.frame, event.to)
 
     def _look_at(self, event: page_events.LookAt) -> None:
-        found = self.gestures.reviewing.everything or ()
-        meant = [suspect for suspect in found if suspect.key == event.entry]
-        if meant:
-            self.gestures.reviewing.show(meant[0])
+        queue = self.gestures.reviewing.queue
+        for suspect in () if queue is None else queue.left:
+            if suspect.key == event.entry:
+                return self.gestures.reviewing.show(suspect)
 
     def _tell_too_large(self, event: page_events.TooLarge) -> None:
         self.tab.notify(Notice(title=f"{event.name} cannot be uploaded", text=too_large(event.size), kind="error"))

@@ -294,7 +294,8 @@ def _looking(g: Gestures) -> None:
 
 
 def _suspects(g: Gestures) -> None:
-    if g.reviewing.everything == () or not g.tab.session.fits.showable():
+    queue = g.reviewing.queue
+    if (queue is not None and not queue.left) or not g.tab.session.fits.showable():
         raise InputError("There are no suspicious frames: either there is no fit yet, or all were reviewed.")
 
 

@@ -37,20 +37,10 @@ class Reviewing:
         return self._queue
 
     @property
-    def everything(self) -> tuple[Suspect, ...] | None:
-        """Suspicious frames, worst first; None as above."""
-        queue = self.queue
-        return None if queue is None else queue.left
-
-    @property
     def suspects(self) -> tuple[Suspect, ...] | None:
-        """Those that are listed, in their order; None as above."""
-        found = self.everything
-        return None if found is None else self.listed(found)
-
-    def listed(self, found: Sequence[Suspect]) -> tuple[Suspect, ...]:
-        """The entries of the kind that the tab shows."""
-        return tuple(suspect for suspect in found if self._tab.state.queue_kind in ("", suspect.kind))
+        """The entries of the kind that the tab shows, worst first; None as above."""
+        queue, kind = self.queue, self._tab.state.queue_kind
+        return None if queue is None else tuple(suspect for suspect in queue.left if kind in ("", suspect.kind))
 
     def go(self, step: int) -> None:
         """Go to the next (1) or previous (-1) queue entry. Raises InputError while the first queue is computed."""

@@ -1,12 +1,12 @@
 """The Review panel: leads through suspicious places, and relinks a video that was moved."""
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
 import viser
 
-from fitting_core.errors import InputError
 from fitting_core.plugins import faults
 from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
 from tcfit_app.fitting.reports import Notice
@@ -59,7 +59,6 @@ class ReviewPanel:
     def __init__(self, gestures: Gestures) -> None:
         self._gestures, self._action = gestures, partial(action, gestures)
         self._tab = tab = gestures.tab
-        self._found: ReviewQueue | None = None
         self._all = False
         """All entries are listed, not only the first."""
         self._damage = Board(tab)
@@ -75,20 +74,6 @@ class ReviewPanel:
         self._who_is_who = WhoIsWho(gestures)
         self._queue = Board(tab)
         self._notes = Notes(gestures)
-
-    @property
-    def _suspects(self) -> tuple[Suspect, ...]:
-        """Those listed."""
-        return () if self._found is None else self._gestures.reviewing.listed(self._found.left)
-
-    def _entry(self, key: str) -> Suspect:
-        found = [] if self._found is None else [s for s in self._found.left if s.key == key]
-        if not found:
-            raise InputError("This entry is no longer in the queue: its frames were checked or refitted.")
-        return found[0]
-
-    def _go(self, entry: str) -> None:
-        self._gestures.reviewing.show(self._entry(entry))
 
     def _find_video(self, path: Path | viser.UploadedFile) -> None:
         assert isinstance(path, Path)
@@ -110,19 +95,18 @@ class ReviewPanel:
         self._draw_damage()
         self._draw_media()
         self._who_is_who.draw()
-        self._found = self._gestures.reviewing.queue
         self._queue.show(*self._entries(), *self._buttons(), *self._approval())
         self._notes.draw()
 
-    def _here(self) -> Suspect | None:
+    def _here(self, listed: Sequence[Suspect]) -> Suspect | None:
         """The entry on show."""
         frame = self._tab.state.frame
-        around = [suspect for suspect in self._suspects if frame in suspect.frames]
+        around = [suspect for suspect in listed if frame in suspect.frames]
         return next((suspect for suspect in around if suspect.frame == frame), next(iter(around), None))
 
     def _entries(self) -> list[Html]:
         """The heading, and a card for each of the first entries, or a sentence in their place."""
-        shown, found, tab = self._tab.shown.b, self._found, self._tab
+        tab, shown, found = self._tab, self._tab.shown.b, self._gestures.reviewing.queue
         if shown is None:
             text = "Suspicious places are found once there is a fit."
             return [paragraph(text), row(button("Go to Fit", "review.fit", do=lambda: tab.show_panel("Fit")))]
@@ -130,13 +114,14 @@ class ReviewPanel:
             problem = tab.data.problem("suspects", shown)
             why = paragraph(f"Suspicious places cannot be found: {problem}", "warn")
             return [why if problem else paragraph("Looking for suspicious places …", "dim")]
-        listed, here = self._suspects, self._here()
+        listed = self._gestures.reviewing.suspects or ()
+        here = self._here(listed)
         fewer = _FEWER if tab.someone.others or self._video_problem else _CARDS
         most = _MOST if self._all else fewer
         start = 0 if here is None else max(0, listed.index(here) + 1 - most)
         parts = [_heading(found), *(self._card(one, here=one is here) for one in listed[start : start + most])]
         if kind := tab.state.queue_kind:
-            parts.append(paragraph(f"Of this kind alone: {_KINDS.get(kind, kind)}, {len(listed)}.", "dim"))
+            parts.append(paragraph(f"{_KINDS.get(kind, kind)} only: {len(listed)} of {len(found.left)}", "dim"))
         more = len(listed) - most
         if more > 0 and self._all:
             parts.append(paragraph(f"and {more} more", "dim"))
@@ -158,7 +143,7 @@ class ReviewPanel:
             f"{where} · {_KINDS.get(suspect.kind, suspect.kind)}",
             "review.go",
             suspect.key,
-            do=partial(self._go, suspect.key),
+            do=partial(self._gestures.reviewing.show, suspect),
             here=here,
             hint="; ".join(suspect.also),
         )
@@ -179,16 +164,17 @@ class ReviewPanel:
 
     def _more(self) -> list[Item | None]:
         """The menu of what is needed less often."""
-        gestures, tab = self._gestures, self._tab
-        flagged = not tab.state.playing and gestures.reviewing.are("flag", tab.chosen_frames)
+        gestures, reviewing, tab = self._gestures, self._gestures.reviewing, self._tab
+        flagged = not tab.state.playing and reviewing.are("flag", tab.chosen_frames)
         flag = f"{'Remove flag:' if flagged else 'Flag'} {in_words(tab.chosen_frames, tab.first_frame)}"
         items: list[Item | None] = [
             action_item(gestures, "previous_suspect", "Previous place"),
             action_item(gestures, "flag", "Flag on or off" if tab.state.playing else flag),
-            action_item(gestures, "all_fine", f"All listed look fine ({len(self._suspects)})"),
+            action_item(gestures, "all_fine", f"All listed look fine ({len(reviewing.suspects or ())})"),
             action_item(gestures, "copy_link"),
         ]
-        counts, now = kinds_of(() if self._found is None else self._found.left), tab.state.queue_kind
+        counts = kinds_of(() if reviewing.queue is None else reviewing.queue.left)
+        now = tab.state.queue_kind
         if len(counts) > 1 or now:
             labels = {"": "All kinds"} | {
                 kind: f"{_KINDS.get(kind, kind)}: {counts[kind]}" for kind in dict.fromkeys((*counts, now)) if kind

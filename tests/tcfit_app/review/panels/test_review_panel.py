@@ -174,7 +174,7 @@ def test_the_queue_is_filtered_by_kind(tested: LonePage):
     tested.press("action", "next_suspect")
     assert page.tab.state.frame == 2
     with_suspects(tested, first)
-    assert "Of this kind alone: Jumps, 0." in tested.html()
+    assert "Jumps only: 0 of 1" in tested.html()
     with pytest.raises(InputError, match="No entry of the queue is listed"):
         tested.press("action", "next_suspect")
 
