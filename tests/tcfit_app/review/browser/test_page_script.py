@@ -197,12 +197,18 @@ def test_hovering_shows_name_confidence_and_marks(tab: Tab) -> None:
     assert tab.text(TOOLTIP) is None
 
 
+AROUND = """([x, y]) => {
+  const canvas = document.querySelector(".tcfit > canvas");
+  const { left, top } = canvas.getBoundingClientRect();
+  return canvas.getContext("2d").getImageData(x - left, y - top, 29, 29).data;
+}"""
+
+
 def test_attributes_of_a_keypoint_are_drawn_and_named(tab: Tab) -> None:
     x, y = tab.screen(*PLACES[WRIST])
 
     def drawn() -> int:
-        look = "([x, y]) => document.querySelector('.tcfit > canvas').getContext('2d').getImageData(x, y, 29, 29).data"
-        pixels = tab.page.evaluate(look, [round(x) - 14, round(y) - 14])
+        pixels = tab.page.evaluate(AROUND, [round(x) - 14, round(y) - 14])
         return sum(alpha > 100 for alpha in np.reshape(pixels, (-1, 4))[:, 3])
 
     tab.hover(2, 300)
