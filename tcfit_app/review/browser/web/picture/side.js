@@ -153,7 +153,7 @@ function drawSights(context, map, side) {
   }
   context.setLineDash([5, 4]);
   context.globalAlpha = 0.8;
-  stroke(context, lines, COLORS.selected, 1.2);
+  stroke(context, lines, tones.selected, 1.2);
   context.globalAlpha = 1;
   context.setLineDash([]);
 }
