@@ -71,8 +71,11 @@ class FitList:
             self._entered = Field(tab, self._name, lambda _: None)
             self._rename_buttons = Board(tab)
         self._details = Board(tab)
-        self._import = ImportedFits(tab)
         self._deleted = DeletedFits(tab)
+
+    def add_import(self) -> None:
+        """Create the import of results, which is last in the panel."""
+        self._import = ImportedFits(self._tab)
 
     # --- what is done ---
 

@@ -48,13 +48,13 @@ class FitPanel:
             inputs.add("pose_prior", "solver", "silhouettes")
             self._part("Start")
             inputs.add_given()
-            self._shape = Board(tab)
             self._part("Body")
             inputs.add_body()
             self._part("Files")
             self._files = Board(tab)
             self._part("As text")
             inputs.add_source()
+        self._list.add_import()
 
     def _part(self, title: str, *, first: bool = False) -> None:
         Board(self._tab).show(heading(title, first=first))
@@ -84,9 +84,6 @@ class FitPanel:
         self._every.draw("All settings", on=self._writable)
         self._head.show(*self._heading())
         self._main.show(*self._button(after=True))
-        shape = self._tab.state.settings.given.shape
-        again = "Fit the shape again" if shape is None else f"Fit the shape again as {self._named(shape)}"
-        self._shape.show(row(action(self._gestures, "rerun_shape", again)))
         detector = self._tab.session.project.footage.detector
         by = f"detected by {DETECTOR_TITLES.get(detector, detector)}" if detector else "of an unknown detector"
         notes = self._tab.session.project.footage.notes

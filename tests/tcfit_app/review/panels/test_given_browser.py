@@ -34,7 +34,6 @@ def test_a_start_and_a_shape_are_chosen_and_stay_after_a_reload(opened: Reviewin
     opened.choose("Same person as", "first")
     until(lambda: state().given == Given(start=Source(run=2), shape=Source(run=1)))
     opened.tab.get_by_text("and uses the shape of first").wait_for()
-    opened.tab.get_by_text("Fit the shape again as first").wait_for()
     opened.choose("Same person as", "a file")
     opened.tab.get_by_text("Path of the shape is empty").wait_for()
     path = tmp_path / "her.json"

@@ -133,7 +133,7 @@ def test_a_fit_starts_from_a_run_and_has_its_shape(tested: LonePage):
     tested.enter("Held near (m)", "")
     assert tab.state.settings.config.start_deviation is None
     tab.set(b=FitChoice(run=first.id))
-    tested.click(f"Fit the shape again as {first.name}")
+    tested.press("action", "rerun_shape")
     tested.until(lambda: len(session.fits.runs) == 3 and not session.jobs)
     again = session.fits.runs[-1]
     assert (again.kind, again.given) == ("shape", Given(shape=Source(run=first.id)))
@@ -283,25 +283,7 @@ def test_cancel_and_what_remains_to_be_seen(tested: LonePage):
     assert "cancelled" in shown and "fit.cancel" not in shown
 
 
-def test_cancel_is_left_alone_while_the_progress_goes_on(tested: LonePage):
-    """A button that is made anew loses the focus; and no button moves when a fit begins."""
-    session = tested.page.tab.session
-    tested.click("Fit everything")
-    tested.until(lambda: next(iter(session.jobs.values())).progress)
-    progress = next(panel for panel in tested.panels if isinstance(panel, FitPanel))._progress
-    button, said = progress._buttons._content, set()
-    while session.jobs and len(said) < 5:
-        tested.draw()
-        said.add(progress._said._content)
-        assert progress._buttons._content == button or not session.jobs
-        session.take_news()
-    assert "fit.cancel" in button and len(said) == 5
-    shown = tested.html()
-    assert shown.index("Fit everything") < shown.index("fit.cancel")
-    tested.until(lambda: not session.jobs)
-
-
-def test_a_failure_is_shown_until_the_next_job(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
+def test_a_failure_is_told_and_its_row_says_why(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
     def fail(*_: object, **__: object) -> None:
         raise MemoryError("no <b>memory</b>")
 
@@ -309,9 +291,9 @@ def test_a_failure_is_shown_until_the_next_job(tested: LonePage, monkeypatch: py
         broken.setattr("tcfit_app.fitting.jobs.fit_events", fail)
         tested.click("Fit everything")
         tested.until(lambda: not tested.page.tab.session.jobs)
+    assert "MemoryError: no <b>memory</b>" in tested.notices[-1].text
+    tested.press("fits.show", f"{tested.page.tab.session.fits.runs[-1].id}")
     assert "MemoryError: no &lt;b&gt;memory&lt;/b&gt;" in tested.html()
-    tested.click("Fit everything")
-    assert "MemoryError" not in tested.html()
 
 
 def test_b_goes_over_to_the_corrections_of_the_run_that_it_was_set_to(tested: LonePage):
