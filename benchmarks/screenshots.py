@@ -97,7 +97,7 @@ def void(result: object) -> None:
 
 
 def modes(review: Reviewing) -> Iterator[str]:
-    """Edit, A | B and 3D; colours by distance; the window of keys; a lost connection."""
+    """Edit, Compare and 3D; colours by distance; the window of keys; a lost connection."""
     yield "edit"
     x, y = review.place(KEYPOINT)
     review.tab.mouse.move(x, y)

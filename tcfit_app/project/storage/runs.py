@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import lru_cache
 from itertools import count
 from pathlib import Path
 from time import time_ns
@@ -417,6 +418,7 @@ class Runs:
         return range(first, last + 1)
 
 
+@lru_cache(256)
 def _config(value: Any) -> FitConfig:
     """Settings that this version does not have are left out, and the default ones shown if it has other values."""
     plain = json_of(dict[str, Any])(value)

@@ -389,7 +389,7 @@ class FitSpan(_State, frozen=True, kw_only=True):
     first: int
     last: int
     state: Literal["found", "fitting", "phase1", "phase2", "done"]
-    """Has keypoints; is being fitted; phase 1 done; phase 2 done; finished."""
+    """Has keypoints; is being fitted; first pass done; one shape done; finished."""
 
 
 class Fit(_State, frozen=True, kw_only=True):

@@ -253,7 +253,7 @@ def settings(g: Gestures) -> None:
 def picture(g: Gestures) -> None:
     """Requires a mode with pictures."""
     if g.tab.state.mode == "space":
-        raise InputError("3D has no picture for that: go to Edit (1) or A | B (2) first.")
+        raise InputError("3D has no picture for that: go to Edit (1) or Compare (2) first.")
 
 
 def silhouettes(g: Gestures) -> None:
@@ -363,7 +363,7 @@ _VIEW: tuple[_Row, ...] = (
         for number, (mode, name) in enumerate(MODES.items(), 1)
     ),
     *_switches("shown", "body", "compare"),
-    ("wipe", "A | B: with a divider, on or off", "w", _wipe, (bodies,)),
+    ("wipe", "Compare with a divider, on or off", "w", _wipe, (bodies,)),
     ("next_person", "Next person of the clip", "q", _go_to_next_person, (others,)),
     ("fainter", "Less opacity", ",", lambda g: _change_opacity(g.tab, -0.1), (bodies,)),
     ("denser", "More opacity", ".", lambda g: _change_opacity(g.tab, 0.1), (bodies,)),

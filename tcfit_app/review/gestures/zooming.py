@@ -64,7 +64,7 @@ def show_close_up(tab: Tab, part: Part | None) -> None:
     if part is None:
         return show_whole(tab)
     if tab.state.mode == "space":
-        raise InputError("Close-ups are for Edit and A | B: there the view can follow the picture.")
+        raise InputError("Close-ups are for Edit and Compare: there the view can follow the picture.")
     corrected, group = tab.session.project.corrected, GROUPS[part]
     xy, there = corrected.xy[:, group], corrected.confidence[:, group] > 0
     size = usual_size(xy, there)

@@ -12,7 +12,7 @@ from tcfit_app.review.scene.layers import OPACITY
 from tcfit_app.review.scene.side_view import Direction
 
 Mode = Literal["edit", "ab", "space"]
-MODES: dict[Mode, str] = {"edit": "Edit", "ab": "A | B", "space": "3D"}
+MODES: dict[Mode, str] = {"edit": "Edit", "ab": "Compare", "space": "3D"}
 """One poster; two posters; a room around the bodies."""
 OPACITIES = (0.1, 1.0)
 """Minimum and maximum opacity of bodies."""
@@ -78,7 +78,7 @@ class TabState:
     b: FitChoice = field(default_factory=FitChoice)
     """The fit on show, right in Compare; the one that is edited."""
     wipe: bool = False
-    """A and B share a window in A | B, with a divider; otherwise each has its own, as large as possible."""
+    """A and B share a window in Compare, with a divider; otherwise each has its own, as large as possible."""
     clipped: bool = control(
         True,
         Switch(

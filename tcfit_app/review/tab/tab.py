@@ -311,7 +311,7 @@ class Tab:
 
     @property
     def arrangement(self) -> Arrangement:
-        """How two pictures are arranged: in A | B as chosen, else as suits the canvas."""
+        """How two pictures are arranged: in Compare as chosen, else as suits the canvas."""
         if self.state.wipe and self.state.mode == "ab":
             return "wipe"
         size = self.session.project.footage.camera.size

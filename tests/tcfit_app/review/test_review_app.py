@@ -115,7 +115,8 @@ def test_a_range_is_fitted_again_with_another_weight(review: Reviewing):
 def test_two_fits_side_by_side(review: Reviewing):
     review.press("2", lambda: len(shown_labels(review)) == 2)
     labels = shown_labels(review)
-    assert labels == ["A   Fit 2 with 1 correction", "B   Frames 8–18 of Fit 2, smoother (w_T 500)"]
+    assert labels[0].startswith("A   Fit ") and labels[1].startswith("B   Frames 8–18"), labels
+    assert labels[1].endswith("smoother (w_T 500)"), "what a range was fitted again of, and the new run"
     review.app.post(lambda: review.page.tab.set(a=FitChoice(phase=1), b=FitChoice()))
     until(lambda: "first pass" in shown_labels(review)[0] and "final" in shown_labels(review)[1], "its first phase")
     a, b = (until(lambda i=i: body_in_page(review, i), "a body") for i in (0, 1))

@@ -189,11 +189,12 @@ class FitList:
     def _line(self, listed: Listed, *, here: bool) -> Html:
         tab, run, base = self._tab, listed.run, listed.base
         shown = [(_BADGES[side], tab.shown.fit(side)) for side in SLOTS if tab.state.comparing]
-        badges = joined(*(badge for badge, fit in shown if fit is not None and fit.run.id in (run.id, base.id)))
-        name = opener(words(run.name, "strong"), "fits.show", str(base.id), lambda: self._show(self._run(run.id)))
+        badges = (badge for badge, fit in shown if fit is not None and fit.run.id in (run.id, base.id))
+        title = joined(*badges, words(run.name, "strong"))
+        name = opener(title, "fits.show", str(base.id), lambda: self._show(self._run(run.id)))
         below = tag("div", line_below(listed, self._errors.get(run.id, ""), tab.length), class_="tcfit-dim")
         kind = "here" if here else ""
-        return line(joined(badges, name, below), self._end(listed, here=here), numbers=(1,), kind=kind, press=name)
+        return line(joined(name, below), self._end(listed, here=here), numbers=(1,), kind=kind, press=name)
 
     def _end(self, listed: Listed, *, here: bool) -> Html:
         """What stands at the right of a row."""

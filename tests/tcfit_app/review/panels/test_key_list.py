@@ -69,4 +69,4 @@ def test_the_window_has_a_heading_for_each_group(panel_server: viser.ViserServer
     with sample_project(tmp_path / "walk.tcfit") as project, lone_page(panel_server, project) as tested:
         shown = keys_html(tested.page.gestures)
     assert all(f"<b>{group}</b>" in shown for group in key_groups())
-    assert "A | B" in shown and "tcfit-close" in shown
+    assert "Compare" in shown and "tcfit-close" in shown
