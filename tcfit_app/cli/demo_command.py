@@ -35,7 +35,7 @@ def review_demo(options: DemoOptions) -> None:
             project.set_reference(read_reference(demo.truth))
     prepare_solver(config, options.threads)
     with open_project(folder) as project:
-        review(project, options.server, fit=config)
+        review(project, options.server, fit=config, plays=True)
     print("Now your own video, whose keypoints tcfit finds itself: tcfit review VIDEO --fit", file=sys.stderr)
 
 

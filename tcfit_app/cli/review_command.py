@@ -91,13 +91,15 @@ def review(
     models: Path | None = None,
     fit: FitConfig | None = None,
     find: ClipOptions | None = None,
+    plays: bool = False,
 ) -> None:
     """Serve the review of an open project until Ctrl-C.
 
     If it has no fit, `fit` is begun; if it has no keypoints either, they are found as `find` says (None: neither).
+    With `plays`, pages open with the clip playing.
     """
     with _served(project.clip.name, options) as server:
-        _review(project, server, options, models=models, fit=fit, find=find)
+        _review(project, server, options, models=models, fit=fit, find=find, plays=plays)
 
 
 def check_folders(options: ServerOptions, *, models: Path | None = None) -> None:
@@ -153,7 +155,7 @@ def _load_all() -> None:
 
 def _served(name: str, options: ServerOptions, site: TalkingSite | None = None) -> AbstractContextManager[ReviewServer]:
     return review_server(
-        f"tcfit: {name}",
+        name,
         host=options.host,
         port=options.port,
         open_browser=options.browser,
@@ -203,6 +205,7 @@ def _review(
     body: Future[BodyModel | None] | None = None,
     people: "OpenPeople | None" = None,
     find: ClipOptions | None = None,
+    plays: bool = False,
 ) -> None:
     load_app()
     from tcfit_app.fitting.bodies import Bodies
@@ -214,7 +217,7 @@ def _review(
     bodies = Bodies(models, body)
     sessions = [Session(one, bodies) for one in ([project] if people is None else [one for _, one in people.projects])]
     session = next(one for one in sessions if one.project is project)
-    app = ReviewApp(session, server.viser, files=options.files, people=people, sessions=sessions)
+    app = ReviewApp(session, server.viser, files=options.files, people=people, sessions=sessions, plays=plays)
     try:
         for one in sessions:
             if fit is not None and (why_not := _begun(one, fit, find)):

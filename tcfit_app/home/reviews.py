@@ -153,7 +153,7 @@ class Reviews:
             review.left = time.monotonic()
             review.viewers.pop(client.client_id, None)
             return
-        set_title(client, f"tcfit: {review.project.footage.name}")
+        set_title(client, review.project.footage.name)
         await review.connected(client)
         await asyncio.to_thread(self._tell, key, review)
 

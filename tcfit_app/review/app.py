@@ -55,6 +55,7 @@ class ReviewApp:
         people: all people of the clip, if there are several.
         sessions: theirs, in the same order.
         listen: to all of the server's tabs; otherwise the server of several apps calls `connected` and `disconnected`.
+        plays: new tabs open with the clip playing.
     """
 
     def __init__(
@@ -66,8 +67,9 @@ class ReviewApp:
         people: OpenPeople | None = None,
         sessions: Sequence[Session] = (),
         listen: bool = True,
+        plays: bool = False,
     ) -> None:
-        self.session, self._server, self._files = session, server, files
+        self.session, self._server, self._files, self._plays = session, server, files, plays
         self._commands: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
         self._obeyed = 0.0
         """When something was last requested."""
@@ -144,6 +146,7 @@ class ReviewApp:
             files=PageFiles(here=whose.here, root=self._files),
             visitor=whose,
         )
+        tab.plays = self._plays
         tab.go_to = partial(self._go_to, number)
         tab.authors = lambda: [page.tab.author for page in self.pages.values()]
         self.pages[number] = Page(tab)

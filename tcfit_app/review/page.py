@@ -30,6 +30,7 @@ from tcfit_app.review.gestures.actions import ACTIONS, Gestures, bindings, key_t
 from tcfit_app.review.gestures.edit_words import part_name
 from tcfit_app.review.gestures.keyframing import HANDS_OF
 from tcfit_app.review.panels import PANELS, Panel
+from tcfit_app.review.panels.first_steps import FirstSteps
 from tcfit_app.review.panels.key_list import KeyWindow
 from tcfit_app.review.panels.start_panel import StartPanel
 from tcfit_app.review.tab.tab import Tab
@@ -159,12 +160,14 @@ class Page:
             self._tabs.visible = on and begun
             if self._start is not None:
                 self._start.visible = on and not begun
+            self._steps.show(on)
 
     @cached_property
     def panels(self) -> list[Panel]:
         """The panels, created after the picture: they take half a second in the browser."""
         self._add_commands()
         gui, made = self.tab.client.gui, []
+        self._steps = FirstSteps(self.gestures)
         begun = self.tab.session.project.has_detections
         self._start = None if begun else gui.add_tab_group()
         self._tabs = gui.add_tab_group(visible=begun)
@@ -196,8 +199,7 @@ class Page:
         rows = None if event.plots is None else tuple(dict.fromkeys(name for name in event.plots if name in PLOTS))
         self.tab.greet(event, plots=rows and rows[:MOST_ROWS])
         self._theme(event)
-        if not event.hinted and self.tab.session.project.has_detections:
-            self.gestures.show_first_steps()
+        self.tab.set(steps=not event.hinted)
 
     def _theme(self, event: page_events.Hello | page_events.Theme) -> None:
         set_theme(self.tab.client.gui, dark=event.dark)
@@ -304,6 +306,7 @@ class Page:
             self._start = None
             self.tab.show_panel("Fit")
         self._attempt("draw the menus", self._draw_menus, now)
+        self._attempt("draw the first steps", lambda: self._steps.show(True), now)
         for panel in panels:
             self._attempt(f"draw the panel {panel.title}", panel.draw, now)
         self._next_panels = time.monotonic() + _PAUSE * (time.thread_time() - begun)

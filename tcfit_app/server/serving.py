@@ -58,7 +58,7 @@ def review_server(
     Raises InputError if nothing can listen there.
 
     Args:
-        title: Above the panels and in the browser's tab.
+        title: In the browser's tab.
         host: Name or address of this computer to listen at; one reachable from other computers gives a warning.
         port: From here upwards the first that is free is taken; 0 takes any.
         open_browser: Open the link in a browser, where there is one to see it.
@@ -123,9 +123,8 @@ def set_theme(gui: viser.GuiApi, *, dark: bool) -> None:
 
 
 def set_title(receiver: viser.ViserServer | viser.ClientHandle, title: str) -> None:
-    """Above the panels and in the browser's tab, of a server's pages or of one client's."""
-    receiver.gui.set_panel_label(title)
-    # viser has no setting for the tab's title.
+    """In the browser's tab, of a server's pages or of one client's."""
+    # viser has no setting for it.
     run_javascript(receiver, f"document.title = {json.dumps(title)};")
 
 
@@ -133,4 +132,5 @@ def _dress(server: viser.ViserServer, title: str) -> None:
     set_theme(server.gui, dark=True)
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(PANEL_WIDTH)
+    server.gui.set_panel_label(" ")  # else it names the state of the connection
     set_title(server, title)

@@ -178,10 +178,10 @@ def watch_connections(
 
 
 _CURTAIN = b"""<style>
-html::before { content: "Loading ..."; position: fixed; inset: 0; z-index: 900; pointer-events: none; display: grid;
-  place-items: center; font: 16px system-ui, sans-serif; background: #fff; color: transparent;
+html::before { content: "Opening the clip ..."; position: fixed; inset: 0; z-index: 900; pointer-events: none;
+  display: grid; place-items: center; font: 16px system-ui, sans-serif; background: #fff; color: transparent;
   animation: tcfit-say 0s 1s forwards, tcfit-lift 0s 30s forwards; }
-html.tcfit-drawn::before { left: calc(100% - 342px); }
+html.tcfit-drawn::before { left: calc(100% - 342px); content: "Preparing the panels ..."; }
 html.tcfit-ready::before { display: none; }
 @keyframes tcfit-say { to { color: #868e96; } }
 @keyframes tcfit-lift { to { visibility: hidden; } }
@@ -204,7 +204,7 @@ def curtained(headers: Headers, body: bytes) -> bytes:
 @lru_cache(maxsize=2)  # with and without compression
 def _curtained(body: bytes, compressed: bool) -> bytes:
     page = gzip.decompress(body) if compressed else body
-    page = page.replace(b"<head>", b"<head>" + _CURTAIN, 1)
+    page = page.replace(b"<head>", b"<head>" + _CURTAIN, 1).replace(b"<title>Viser<", b"<title>tcfit<", 1)
     return gzip.compress(page, compresslevel=1) if compressed else page
 
 

@@ -283,14 +283,8 @@ export interface Leave {
   to: "list" | "next" | "previous";
 }
 
-export interface Hint {
-  text: string;
-  keys: string;
-}
-
-export interface Hints {
-  type: "hints";
-  steps: Hint[];
+export interface StepsRead {
+  type: "steps_read";
 }
 
 export interface Hello {
@@ -457,7 +451,7 @@ export interface States {
   beat: Beat;
 }
 
-export type PageRequest = ShowPanel | CopyLink | Leave | Hints;
+export type PageRequest = ShowPanel | CopyLink | Leave | StepsRead;
 
 export type PageEvent =
   Hello | Theme | Resized | Key | Seek | Range | OpenLink | Plot | MoveKey | LookAt | Select | Drag | DragDepth | Framed | Press | TooLarge | Gesture | GoToPerson | Drawn | Stranger;

@@ -499,20 +499,11 @@ class Leave(_Request, frozen=True, kw_only=True, tag="leave"):
     to: Literal["list", "next", "previous"]
 
 
-class Hint(msgspec.Struct, frozen=True, kw_only=True):
-    """One of the first steps."""
-
-    text: str
-    keys: str = ""
+class StepsRead(_Request, frozen=True, kw_only=True, tag="steps_read"):
+    """Remember in this browser that the first steps have been read."""
 
 
-class Hints(_Request, frozen=True, kw_only=True, tag="hints"):
-    """Show the first steps until the user closes them."""
-
-    steps: tuple[Hint, ...]
-
-
-PageRequest = ShowPanel | CopyLink | Leave | Hints
+PageRequest = ShowPanel | CopyLink | Leave | StepsRead
 
 STATES: dict[str, type[_State]] = {
     "layout": Layout,

@@ -9,7 +9,7 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, GROUPS, PARTS
 from tcfit_app.exports.table import exports
 from tcfit_app.project.edits.kinds import SWAPPABLE
-from tcfit_app.review.browser.page_states import Hint, Hints, KeyBinding
+from tcfit_app.review.browser.page_states import KeyBinding
 from tcfit_app.review.gestures.correcting import NUDGES, Correcting
 from tcfit_app.review.gestures.correcting_depth import CorrectingDepth, limbs_of
 from tcfit_app.review.gestures.detecting_again import DetectingAgain
@@ -44,31 +44,12 @@ class Gestures:
         self.again = DetectingAgain(tab, self.correcting)
         self.exporting = Exporting(tab)
 
-    def show_first_steps(self) -> None:
-        """Have the page show what someone who opens the app for the first time needs, each step with its key."""
-        keys = {name: next(map(str, ACTIONS[name].keys), "") for _, name in _FIRST_STEPS if name}
-        self.tab.set(keys=False)
-        steps = tuple(Hint(text=text, keys=keys.get(name, "")) for text, name in _FIRST_STEPS)
-        self.tab.channel.ask(Hints(steps=steps))
-
     def run(self, name: str) -> None:
         """Do one of ACTIONS on what is on show."""
         action = ACTIONS[name]
         self.tab.doing = action.title
         self.tab.look()
         action.do(self)
-
-
-_FIRST_STEPS = (
-    ("Play the clip. The arrow keys go frame by frame.", "play"),
-    ("Fit everything, if there is no fit yet.", "fit"),
-    ("Go to the next suspicious frame.", "next_suspect"),
-    ("Drag a wrong keypoint: the fit follows, and the correction is saved. Undo reverts it.", "undo"),
-    ("Drag in the timeline's ruler to select frames, and fit them again.", "rerun"),
-    ("Compare: shows the fit before beside the new one, with figures in the panel Fit.", "ab"),
-    ("Your own video: keypoints are detected automatically. In the terminal: tcfit review VIDEO --fit", ""),
-    ("All keys. These first steps are there too.", "help"),
-)
 
 
 Need = Callable[[Gestures], object]
@@ -377,7 +358,7 @@ _VIEW: tuple[_Row, ...] = (
         lambda g: next_close_up(g.tab),
         (picture,),
     ),
-    ("first_steps", "Show the first steps", "", lambda g: g.show_first_steps(), ()),
+    ("first_steps", "Show the first steps", "", lambda g: g.tab.set(keys=False, steps=True), ()),
     ("help", "Show all keys", "h", _toggle("keys"), ()),
 )
 _KEYPOINTS: tuple[_Row, ...] = (

@@ -141,6 +141,8 @@ class TabState:
     """The open folds of the panels, by name."""
     keys: bool = False
     """The window of all keys is open."""
+    steps: bool = False
+    """The first steps are on show."""
     dark: bool = True
     """The browser's theme."""
 

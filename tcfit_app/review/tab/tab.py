@@ -79,6 +79,8 @@ class Tab:
         """The actions in the command palette."""
         self.go_to: Callable[[ReviewedPerson], None] = lambda someone: None
         """Show another person."""
+        self.plays = False
+        """It opens with the clip playing."""
         self.authors: Callable[[], Sequence[str]] = lambda: ()
         """Return the authors of all pages that are open."""
         self._show(someone)
@@ -198,6 +200,8 @@ class Tab:
         elif plots is not None:
             self.state = replace(self.state, plots=plots)
         self.set()
+        if known is None and self.plays:
+            self.toggle_playing()
 
     def take_over_from(self, other: "Tab") -> None:
         """Show this person instead of another: the same moment, displayed in the same way."""

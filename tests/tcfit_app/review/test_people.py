@@ -30,7 +30,7 @@ from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.lock import ProjectLocked
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.browser.page_events import GoToPerson, Hello, OpenLink, Press
-from tcfit_app.review.browser.page_states import Hints
+from tcfit_app.review.browser.page_states import StepsRead
 from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
 from tcfit_app.review.opening import open_project
 from tcfit_app.review.panels.review_panel import ReviewPanel
@@ -114,16 +114,24 @@ def test_rows_that_a_browser_remembers_are_those_that_there_are(app: ReviewApp):
     assert app.pages[1].tab.state.plots == (*PLOTS,)[:MOST_ROWS] != usual
 
 
-def test_what_to_do_first_is_told_once_and_not_with_every_person(app: ReviewApp):
+def test_what_to_do_first_is_told_until_it_was_read_whoever_is_shown(app: ReviewApp):
     told = MagicMock()
     app.pages[1].tab.channel.ask = told
     app.pages[1].receive(Hello(tab="mine", width=1000, height=700, hinted=False))
-    for person in (1, 0, 1):
-        app.pages[1].receive(GoToPerson(person))
-        app.pages[1].draw(0.0)
-    assert [type(call.args[0]) for call in told.call_args_list] == [Hints]
-    app.pages[1].gestures.show_first_steps()
-    assert len(told.call_args_list) == 2
+    app.pages[1].receive(GoToPerson(1))
+    assert app.pages[1].tab.state.steps
+    app.pages[1]._draw_panels(0.0)
+    app.pages[1].receive(Press("steps.read", ""))
+    assert [type(call.args[0]) for call in told.call_args_list] == [StepsRead]
+    app.pages[1].receive(GoToPerson(0))
+    assert not app.pages[1].tab.state.steps
+
+
+def test_the_demo_opens_with_the_clip_playing(app: ReviewApp):
+    for tab, plays in (("mine", True), ("mine", False), ("other", False)):
+        app.pages[1].tab.plays = tab == "mine"
+        app.pages[1].receive(Hello(tab=tab, width=1000, height=700))
+        assert app.pages[1].tab.state.playing == plays, "not after a reload"
 
 
 def test_a_tab_that_is_loaded_again_shows_whom_it_has_shown(app: ReviewApp):

@@ -2,7 +2,7 @@
 
 /** @import { PageEvent, States } from "./wire" */
 
-import { remember, remembered } from "./remembered.js";
+import { STEPS, remember, remembered } from "./remembered.js";
 import { isDark, onOtherTheme } from "./theme.js";
 import { canvas, canvasFits, canvasSize, onOtherConnection, sendText } from "./viser/bridge.js";
 
@@ -174,7 +174,7 @@ function greet(uuid, end) {
   if (!canvasFits() && performance.now() < end) return void setTimeout(greet, SPACING, uuid, end);
   [field, greeting] = [uuid, null];
   const plots = remembered(ROWS)?.split(",").filter(Boolean).map(decodeURIComponent);
-  const about = { browser: browserName(), hinted: remembered("tcfit-hints") !== undefined, plots: plots ?? null };
+  const about = { browser: browserName(), hinted: remembered(STEPS) !== undefined, plots: plots ?? null };
   emit({ type: "hello", tab: tabName, ...canvasSize(), ...about, dark: isDark() });
 }
 

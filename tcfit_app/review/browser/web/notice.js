@@ -1,10 +1,9 @@
-// What the app says over the picture: a card, a colour bar, and the first steps.
+// What the app says over the picture: a card, and a colour bar.
 
-/** @import { Hints, Legend, Notice } from "./wire" */
+/** @import { Legend, Notice } from "./wire" */
 
 import { states, watch } from "./connection.js";
 import { card, element, layer, legendBox } from "./elements.js";
-import { remember } from "./remembered.js";
 import { KIND_COLORS } from "./style.js";
 
 const SAVED = "Saved edits are safe.";
@@ -72,25 +71,4 @@ function drawLegend({ title, unit, low, high, colors }) {
   const [first, last] = [low, high].map((value) => String(Number(value.toPrecision(3))));
   const texts = [unit ? `${title} [${unit}]` : title, first, last].map((text) => element("span", "", null, text));
   legendBox.replaceChildren(texts[0], texts[1], bar, texts[2]);
-}
-
-const hints = element("section", "tcfit-hints", layer);
-hints.setAttribute("aria-label", "First steps");
-hints.hidden = true;
-
-/** Shows what to do first, until it has been read in this browser. @param {Hints} request */
-export function showHints({ steps }) {
-  hints.hidden = false;
-  const list = element("ol", "");
-  for (const { text, keys } of steps) {
-    const step = element("li", "", list, text);
-    if (keys) element("kbd", "", step, keys);
-  }
-  const close = element("button", "", null, "Got it");
-  close.type = "button";
-  close.addEventListener("click", () => {
-    remember("tcfit-hints", "read");
-    hints.hidden = true;
-  });
-  hints.replaceChildren(element("h2", "", null, "First steps"), list, close);
 }

@@ -6,7 +6,7 @@ import "./bars/header.js";
 import { connect, receive, states, watch } from "./connection.js";
 import "./keys.js";
 import { copyLink, leave } from "./links.js";
-import { showHints } from "./notice.js";
+import "./notice.js";
 import "./panels/buttons.js";
 import "./panels/fields.js";
 import { showPanel } from "./panels/tabs.js";
@@ -19,12 +19,13 @@ import "./timeline/gestures.js";
 import "./timeline/menus.js";
 import "./timeline/titles.js";
 import "./viser/arrival.js";
+import { STEPS, remember } from "./remembered.js";
 import { canvas } from "./viser/bridge.js";
 import { dress, setColorTable } from "./viser/meshes.js";
 import "./viser/names.js";
 
 /** @type {{ [type in PageRequest["type"]]: (request: any) => void }} */
-const REQUESTS = { show_panel: showPanel, copy_link: copyLink, leave, hints: showHints };
+const REQUESTS = { show_panel: showPanel, copy_link: copyLink, leave, steps_read: () => remember(STEPS, "read") };
 
 export const calls = {
   connect,

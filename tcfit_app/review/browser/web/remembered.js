@@ -3,6 +3,9 @@
 /** Where the list leaves the order of its clips for their pages: names in addresses, with spaces between. */
 export const ORDER = "tcfit-order";
 
+/** Set once the first steps have been read. */
+export const STEPS = "tcfit-hints";
+
 const YEAR = 31536000; // seconds
 
 /** Nothing if nothing is remembered under this name. @param {string} name */

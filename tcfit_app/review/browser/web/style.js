@@ -92,18 +92,7 @@ export const STYLE_SHEET = `
 .tcfit-menu .tcfit-heading { flex: none; padding: 6px 10px 2px; color: var(--tcfit-dim); font-weight: 600; }
 .tcfit-menu .tcfit-separator { flex: none; height: 1px; margin: 4px 6px; background: var(--tcfit-edge); }
 .tcfit-strip .tcfit-tooltip { z-index: 1; pointer-events: none; }
-.tcfit-hints { position: absolute; right: 12px; bottom: 12px; width: min(340px, 60%); max-height: calc(100% - 24px);
-  overflow-y: auto; padding: 12px 16px 14px; border-radius: 10px; background: var(--tcfit-surface);
-  border: 1px solid var(--tcfit-edge); box-shadow: 0 8px 30px rgba(0, 0, 0, 0.4); pointer-events: auto; }
-.tcfit-hints h2 { margin: 0 0 6px; font-size: 15px; font-weight: 600; color: var(--tcfit-strong); }
-.tcfit-hints ol { margin: 0 0 10px; padding-left: 20px; }
-.tcfit-hints li { margin: 4px 0; }
-.tcfit-hints kbd { margin-left: 6px; padding: 1px 6px; border-radius: 4px; background: var(--tcfit-sunk);
-  font: 13px/1.3 ${FONT}; white-space: nowrap; }
-.tcfit-hints button { height: 28px; padding: 0 14px; border: 0; border-radius: 4px; background: var(--tcfit-accent);
-  color: var(--tcfit-on-accent); font: 600 13px/1 ${FONT}; cursor: pointer; }
-.tcfit-hints button:focus-visible { outline: 2px solid var(--tcfit-strong); outline-offset: 1px; }
-.tcfit-menu [hidden], [hidden].tcfit-hints, [hidden].tcfit-person, [hidden].tcfit-tooltip, [hidden].tcfit-divider, [hidden].tcfit-card, [hidden].tcfit-legend, [hidden].tcfit-strip { display: none; }
+.tcfit-menu [hidden], [hidden].tcfit-person, [hidden].tcfit-tooltip, [hidden].tcfit-divider, [hidden].tcfit-card, [hidden].tcfit-legend, [hidden].tcfit-strip { display: none; }
 `;
 
 export const PANEL_SHEET = `

@@ -33,42 +33,46 @@ def opened(tmp_path_factory: pytest.TempPathFactory, browser: "Browser") -> Iter
 
 
 def test_buttons_work_and_show_their_state(opened: Reviewing):
-    button = opened.tab.locator("[data-value=space]")
+    button = opened.tab.locator("[data-tcfit='bar.mode'][data-value=space]")
     button.click()
     until(lambda: button.get_attribute("aria-pressed") == "true")
     assert opened.page.tab.state.mode == "space"
-    opened.tab.locator("[data-value=edit]").click()
-    until(lambda: opened.page.tab.state.mode == "edit")
-    until(lambda: opened.tab.locator("[data-value=edit][aria-pressed=true]").count() > 0, "the panel as it is in Edit")
+    button.click()
+    until(lambda: button.get_attribute("aria-pressed") == "false")
+    assert opened.page.tab.state.mode == "edit"
 
 
 def test_a_button_that_is_drawn_anew_under_the_pointer(opened: Reviewing):
-    button = opened.tab.locator("[data-tcfit='view.group'][data-value=face]")
+    button = opened.tab.locator("[data-tcfit='action'][data-value=keypoints]")
     button.hover()
     opened.tab.mouse.down()
     opened.page.tab.do(lambda: opened.page.tab.set(keypoints=False))
-    until(lambda: opened.tab.locator("[data-value=keypoints][aria-pressed=false]").count() > 0)
+    until(lambda: button.get_attribute("aria-pressed") == "false")
     opened.tab.mouse.up()
-    until(lambda: "face" not in opened.page.tab.state.groups)
+    until(lambda: opened.page.tab.state.keypoints)
 
 
 def test_a_press_that_ends_elsewhere_does_nothing(opened: Reviewing):
-    groups = opened.page.tab.state.groups
-    body, hand = (opened.tab.locator(f"[data-tcfit='view.group'][data-value={name}]") for name in ("body", "left_hand"))
-    body.hover()
+    keypoints, loop, side = (opened.tab.locator(f"[data-value={name}]") for name in ("keypoints", "loop", "side"))
+    keypoints.hover()
     opened.tab.mouse.down()
-    hand.hover()
+    loop.hover()
     opened.tab.mouse.up()
-    opened.tab.locator("[data-tcfit='view.group'][data-value=right_hand]").click()  # what comes after it is here
-    until(lambda: "right_hand" not in opened.page.tab.state.groups)
-    assert opened.page.tab.state.groups == groups - {"right_hand"}
+    was = opened.page.tab.state.side
+    side.click()  # what comes after it is here
+    until(lambda: opened.page.tab.state.side != was)
+    assert opened.page.tab.state.keypoints and opened.page.tab.state.loop
 
 
-def test_buttons_by_keyboard(opened: Reviewing):
-    opened.tab.locator("[data-tcfit='view.speed'][data-value='0.5']").focus()
-    opened.tab.keyboard.press("Enter")
-    until(lambda: opened.page.tab.state.speed == 0.5)
-    opened.tab.keyboard.press("Escape")
+def test_buttons_by_keyboard_keep_the_focus(opened: Reviewing):
+    side = opened.tab.locator("[data-tcfit='action'][data-value=side]")
+    side.focus()
+    for _ in range(2):
+        was = side.get_attribute("aria-pressed")
+        opened.tab.keyboard.press("Enter")
+        until(lambda was=was: side.get_attribute("aria-pressed") != was)
+        assert side.evaluate("(button) => document.activeElement === button"), "drawn again, it has the focus"
+    opened.tab.evaluate("document.activeElement.blur()")
 
 
 def test_a_menu_opens_below_its_button_and_a_fold_opens(opened: Reviewing):
@@ -131,17 +135,18 @@ def test_a_row_leads_to_its_frame(opened: Reviewing):
     "keys", [["Backspace"], ["7", "Backspace"], ["7", "Backspace", "-"], ["End", *3 * ["Backspace"]]]
 )
 def test_an_emptied_number_field_gets_its_value_back(opened: Reviewing, keys: list[str]):
-    opened.tab.get_by_role("tab", name="Fit").click()
-    field = opened.tab.get_by_label("w_T", exact=True)
+    number = opened.page.tab.client.gui.add_number("Tested", 3)
+    field = opened.tab.get_by_label("Tested", exact=True)
     field.fill("7")
-    until(lambda: opened.page.tab.state.settings.config.temporal.weight == 7, "7")
+    until(lambda: number.value == 7, "7")
     field.press("Control+a")
     for key in keys:
         field.press(key)
     assert field.input_value() in ("", "-")
     field.press("Tab")
-    until(lambda: field.input_value() == "7" and opened.page.tab.state.settings.config.temporal.weight == 7)
+    until(lambda: field.input_value() == "7" and number.value == 7)
     opened.tab.evaluate("document.activeElement.blur()")
+    number.remove()
 
 
 def test_a_number_of_the_fit_panel_is_taken_as_it_is_typed(opened: Reviewing):

@@ -35,10 +35,16 @@ export const BARS_SHEET = `
 .tcfit-message.tcfit-good { color: var(--tcfit-text); } .tcfit-message.tcfit-warning { color: var(--tcfit-suspicious); }
 .tcfit-message .tcfit-track { flex: 0 1 80px; min-width: 30px; margin: 0; }
 .tcfit-others { display: flex; align-items: center; gap: 5px; color: var(--tcfit-dim); }
+.tcfit-panel ol { margin: 0 0 8px; padding-left: 20px; }
+.tcfit-panel li { margin: 3px 0; }
+.tcfit-panel li kbd { margin-left: 0; padding: 1px 5px; border: 1px solid var(--tcfit-edge); border-radius: 4px; white-space: nowrap; }
 .tcfit-lost ~ :is(.tcfit-header, .tcfit-transport) { pointer-events: none; opacity: 0.5; }
 @container (max-width: 1200px) { .tcfit-hint, svg:has(+ .tcfit-word) { display: none !important; } }
 @container (max-width: 1000px) {
-  .tcfit-time, .tcfit-saved, .tcfit-header .tcfit-word, .tcfit-frames .tcfit-word:not(.tcfit-kept) { display: none; }
+  .tcfit-time, .tcfit-frames .tcfit-word:not(.tcfit-kept) { display: none; }
+}
+@container (max-width: 900px) {
+  .tcfit-saved, .tcfit-header .tcfit-word { display: none; }
   .tcfit-header svg:has(+ .tcfit-word) { display: block !important; }
 }
 @container (max-width: 800px) {

@@ -32,7 +32,7 @@ body:has(.tcfit-lost) :has(> * > * > button[aria-label=Commands]), body:has(.tcf
 .mantine-Modal-content:has(.tcfit-keys) { flex: 0 1 1160px !important; max-height: 94vh !important; }
 .mantine-Modal-header:has(+ .mantine-Modal-body .tcfit-keys) { padding-bottom: 0 !important; min-height: 0 !important; }
 .mantine-Slider-markLabel { display: none; }
-button:has(svg[class*="tabler-icon-adjustments"]) { display: none !important; }
+button:has(svg[class*="tabler-icon-adjustments"]), svg[class*="tabler-icon-cloud"] { display: none !important; }
 button[aria-label="Commands"] { width: auto !important; padding: 0 5px; color: var(--tcfit-text) !important; }
 [role=tab][aria-selected=true], [role=tab][aria-selected=true] * { color: var(--tcfit-accent) !important; }
 button[aria-label="Commands"]::after { content: "Commands"; margin-left: 5px; font-size: 13px; }
