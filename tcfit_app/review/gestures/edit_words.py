@@ -124,6 +124,11 @@ def _note_in_words(note: WriteNote) -> str:
     return f"note {'written' if note.replaces is None else 'changed'}: {shortened(note.text)}"
 
 
+def capitalized(text: str) -> str:
+    """Words as the beginning of a sentence."""
+    return text[:1].upper() + text[1:]
+
+
 def shortened(text: str) -> str:
     """The beginning of a text, on one line."""
     return textwrap.shorten(text, SHORT_TEXT, placeholder=" …")

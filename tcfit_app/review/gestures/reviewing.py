@@ -10,6 +10,7 @@ from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
 from tcfit_app.project.edits.edit_log import MarkState
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import Leave
+from tcfit_app.review.gestures.edit_words import capitalized
 from tcfit_app.review.tab.tab import Tab
 
 
@@ -68,7 +69,7 @@ class Reviewing:
         if state.frames is None or state.frames_suggested or suspect.frame not in state.frames:
             frames = suspect.frames if len(suspect.frames) > 1 else None
             self._tab.set(frames=frames, frames_suggested=True)
-        self._tab.say(suspect.reason)
+        self._tab.say(capitalized(suspect.reason))
 
     @property
     def on_show(self) -> Suspect | None:

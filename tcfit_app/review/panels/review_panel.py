@@ -13,6 +13,7 @@ from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.media import RELINK
 from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.gestures.edit_words import capitalized
 from tcfit_app.review.gestures.reviewing import kinds_of
 from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
 from tcfit_app.review.panels.elements.html import (
@@ -136,10 +137,9 @@ class ReviewPanel:
         self._all = not self._all
 
     def _card(self, suspect: Suspect, *, here: bool) -> Html:
-        words = suspect.reason
         where = in_words(suspect.frames, self._tab.first_frame)
         return card(
-            f"{words[0].upper()}{words[1:]}",
+            capitalized(suspect.reason),
             f"{where} · {_KINDS.get(suspect.kind, suspect.kind)}",
             "review.go",
             suspect.key,

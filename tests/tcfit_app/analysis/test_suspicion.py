@@ -73,10 +73,6 @@ def fine(tiny_body: BodyModel) -> PosedFit:
     return still_fit(tiny_body)
 
 
-def test_a_fine_clip_has_an_empty_queue(fine: PosedFit):
-    assert review_queue(findings(fine)).left == ()
-
-
 def test_a_keypoint_off_comes_first_with_its_name(fine: PosedFit):
     fit = displaced(displaced(fine, 17, "left_wrist", (32.0, 24.0)), 30, "right_knee", (25.0, 0.0))
     first, second = queue_of(fit, kinds=["reprojection"])
@@ -419,8 +415,8 @@ def test_scores_are_in_units_of_the_threshold():
     np.testing.assert_allclose(scores(np.full((5, 1), 100.0), 10.0), 7)  # at most three times the least is excused
 
 
-@pytest.mark.parametrize("frames", [1, 2, 3])
-def test_the_shortest_clips_have_a_queue(tiny_body: BodyModel, frames: int):
+@pytest.mark.parametrize("frames", [1, 2, 3, 40])
+def test_a_fine_clip_has_an_empty_queue(tiny_body: BodyModel, frames: int):
     assert review_queue(findings(still_fit(tiny_body, frames))).left == ()
 
 

@@ -11,7 +11,7 @@ from tcfit_app.project.edits.kinds import SWAPPABLE
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.actions import Gestures, refusal
 from tcfit_app.review.gestures.correcting_depth import limbs_of
-from tcfit_app.review.gestures.edit_words import keypoints_in_words, part_name
+from tcfit_app.review.gestures.edit_words import capitalized, keypoints_in_words, part_name
 from tcfit_app.review.panels.correct.hand_shapes import HandShapes
 from tcfit_app.review.panels.correct.history import history
 from tcfit_app.review.panels.correct.selection import figures, sentence, states
@@ -95,7 +95,7 @@ class CorrectPanel:
             parts += [heading("Nothing selected", frames, first=True), paragraph(_HOW, "dim")]
         else:
             what = f"{tab.someone.name}: " * bool(tab.someone.others) + keypoints_in_words(selection)
-            parts.append(heading(f"{what[0].upper()}{what[1:]}", frames, first=True))
+            parts.append(heading(capitalized(what), frames, first=True))
             if not moving:
                 parts += [paragraph(sentence(tab)), *figures(tab)]
         parts += unseen(tab)

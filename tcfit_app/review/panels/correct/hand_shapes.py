@@ -8,7 +8,7 @@ from tcfit_app.review.gestures.actions import ACTIONS, Gestures, refusal
 from tcfit_app.review.gestures.shaping import MOST_BLEND, keep_handshape, own_handshapes
 from tcfit_app.review.panels.elements.field import Field
 from tcfit_app.review.panels.elements.fold import Fold
-from tcfit_app.review.panels.elements.html import Board, Html, action, button, choices, heading, paragraph, row
+from tcfit_app.review.panels.elements.html import Board, Html, action, button, heading, paragraph, row
 
 _FIRST = ("flat", "fist", "point")
 """Shapes that are always on show."""
@@ -51,7 +51,7 @@ class HandShapes:
             own, problem = own_handshapes(), ""
         except InputError as error:
             own, problem = {}, str(error)
-        theirs = choices("shapes.own", {name: name for name in own}, shaping.give_own, lambda name: None, obstacle=why)
+        theirs = [button(name, "shapes.own", name, do=partial(shaping.give_own, name), obstacle=why) for name in own]
         copied = shaping.copied
         self._shapes.show(
             row(*(shape(name) for name in HANDSHAPES if name not in _FIRST), wrap=True),

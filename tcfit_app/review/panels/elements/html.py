@@ -241,10 +241,8 @@ def choices(
     command: str,
     values: Mapping[Value, object],
     take: Callable[[Value], object],
-    pressed: Callable[[Value], bool | None],
+    pressed: Callable[[Value], bool],
     *,
-    disabled: Callable[[Value], object] = lambda value: False,
-    obstacle: str = "",
     hint: Callable[[Value], str] = lambda value: "",
     kind: str = "",
 ) -> list[Html]:
@@ -254,9 +252,7 @@ def choices(
         command: As in `button`, for all of them.
         values: The values and their labels.
         take: Receives the value of a button.
-        pressed: Whether a value is the current one; None: it cannot be.
-        disabled: Whether a value cannot be chosen now.
-        obstacle: Why none of them can be chosen now, as in `button`.
+        pressed: Whether a value is the current one.
         hint: A value's tooltip.
         kind: As in `button`.
     """
@@ -267,8 +263,6 @@ def choices(
             "" if value is None else f"{value}",
             do=partial(take, value),
             pressed=pressed(value),
-            disabled=bool(disabled(value)),
-            obstacle=obstacle,
             hint=hint(value),
             kind=kind,
         )
