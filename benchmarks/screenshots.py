@@ -267,7 +267,7 @@ def fitting(review: Reviewing) -> Iterator[str]:
     (session.project.folder / "runs" / f"{max(run.id for run in session.fits.runs) + 1:06d}.npz").mkdir()
     few = (range(review.frame, review.frame + 4),)
     app.post(lambda: void(session.rerun_frames(shown, shown.run.config, few)))
-    until(lambda: session.ended is not None and session.ended.outcome == "failed", "the failure")
+    until(lambda: not session.jobs, "the failure")
     review.tab.wait_for_timeout(REST_MS)
     yield "failed"
 

@@ -212,7 +212,7 @@ class Runs:
             edits_seen: As in `start`.
         """
         if not (found := self.get(run)).partial:
-            raise InputError(f"{found.name} did not end in phase 1, so it cannot be continued.")
+            raise InputError(f"{found.name} was not stopped in its first pass, so it cannot be continued.")
         with self._writing() as connection:
             self._check_refusal()
             connection.execute(

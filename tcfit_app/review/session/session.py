@@ -119,8 +119,6 @@ class Session:
         self._unended: list[RunningJob] = []
         """Runs whose end could not be written yet."""
         self._next_try = 0.0
-        self.ended: RunningJob | None = None
-        """The job that ended last."""
         self.tell: Callable[[Notice], None] = lambda notice: None
 
     def close(self) -> None:
@@ -494,7 +492,6 @@ class Session:
     def _take_end(self, job: RunningJob, report: JobEnded) -> None:
         del self.jobs[job.number]
         job.outcome, job.reason = report.how, report.reason
-        self.ended = self.ended if job.run is None else job
         as_found = job.run is not None and job.run == self._as_found
         if as_found:
             self._as_found = None
@@ -544,8 +541,6 @@ class Session:
                 return
             self._unended.pop(0)
         for run in self.fits.write_late():
-            if self.ended is not None and self.ended.run == run.id:
-                self.ended.outcome, self.ended.reason = "finished", ""
             self.tell(Notice(title=f"{run.name} was saved after all", text="", kind="done"))
 
     def refuse_without_keypoints(self) -> None:

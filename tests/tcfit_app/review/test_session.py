@@ -100,7 +100,7 @@ def test_bodies_of_the_first_phase_can_be_looked_at_before_it_is_finished(
             keep(job, found)
             if isinstance(found, FramesFitted) and found.phase == 1:
                 seen.append(newest(session))
-                with pytest.raises(InputError, match="is in phase 1"):
+                with pytest.raises(InputError, match="is in its first pass"):
                     session.fits.fit(seen[-1].run)
 
         monkeypatch.setattr(session.fits, "keep", keep_and_look)

@@ -129,7 +129,6 @@ export const PANEL_SHEET = `
 .tcfit-panel button.tcfit-mini { flex: none; height: 20px; padding: 0 7px; font-size: 13px; }
 .tcfit-panel kbd { flex: none; margin-left: 6px; font: 13px/1 ${FONT}; color: var(--tcfit-key); }
 .tcfit-panel button[aria-pressed=true] kbd, .tcfit-panel button.tcfit-main kbd { color: inherit; }
-.tcfit-panel i { display: inline-block; width: 8px; height: 8px; margin-right: 5px; border-radius: 50%; }
 .tcfit-panel button.tcfit-close { position: sticky; bottom: 0; width: 100%; margin-top: 10px; }
 .tcfit-keys { columns: 330px; column-gap: 28px; margin-top: 10px; }
 .tcfit-keys section { break-inside: avoid; padding-bottom: 12px; }

@@ -11,7 +11,6 @@ from functools import cache, lru_cache, partial
 from html import escape
 from typing import Any, Literal, TypeVar
 
-from fitting_core.keypoints import GROUPS
 from tcfit_app.review.browser.page_states import Markup
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, Key, key_text
 from tcfit_app.review.tab.buttons import Presses
@@ -56,11 +55,6 @@ def tag(name: str, content: object, **attributes: str) -> Html:
 def symbol(name: str) -> Html:
     """One of viser's icons, before a label or in its place."""
     return Html("".join(map(str.strip, icon(name).splitlines())))
-
-
-def dot(color: str) -> Html:
-    """A disc before a label, in one of COLORS."""
-    return tag("i", "", style=f"background:var(--tcfit-{color})")
 
 
 def button(
@@ -291,10 +285,6 @@ def row(*parts: Html, label: str = "", wrap: bool = False) -> Html:
 def choice(*buttons: Html) -> Html:
     """Mutually exclusive buttons, joined."""
     return tag("div", joined(*buttons), class_="tcfit-joined")
-
-
-GROUP_LABELS = {name: joined(dot(name), text(name.replace("_", " "))) for name in GROUPS}
-"""The keypoint groups on buttons."""
 
 
 def heading(title: str, note: object = "", *, first: bool = False) -> Html:

@@ -1,4 +1,4 @@
-"""The view: its switches in the bar, zooming, choosing fits."""
+"""The view: its switches in the bar, and zooming."""
 
 import numpy as np
 import pytest
