@@ -190,8 +190,8 @@ def timeline(review: Reviewing) -> Iterator[str]:
 
 def correcting(review: Reviewing) -> Iterator[str]:
     """A keypoint under the pointer, with the body following; what the panel says afterwards."""
-    open_panel(review, "Keypoints")
-    yield "keypoints-none"
+    open_panel(review, "Correct")
+    yield "correct-none"
     x, y = review.place(KEYPOINT)
     review.tab.mouse.move(x, y)
     review.tab.mouse.down()
@@ -286,7 +286,7 @@ def documentation(review: Reviewing) -> Iterator[str]:
     review.tab.mouse.move(x + 14, y + 30, steps=8)
     until(lambda: review.session.edit_follower.live is not None, "the live correction")
     review.tab.mouse.up()
-    open_panel(review, "Keypoints")
+    open_panel(review, "Correct")
     yield "edit"
     review.press("Control+z", lambda: not review.session.project.corrected.edited.any())
     open_panel(review, "Review")
@@ -335,7 +335,7 @@ def starting(review: Reviewing) -> Iterator[str]:
     until(lambda: not review.session.source.busy, "the failure")
     settle(review)
     yield "failed"
-    for title in ("View", "Keypoints", "Fit"):
+    for title in ("Correct", "Fit"):
         open_panel(review, title)
         yield title.lower()
 

@@ -116,7 +116,7 @@ class CorrectPanel:
     def _of_keypoints(self) -> list[Html]:
         act, gestures = self._action, self._gestures
         more = [action_item(gestures, name) for name in ("copy", "delete_key", "keyframes", "hand_along")]
-        bad = [*states(self._tab)] == ["marked bad"]
+        bad = not self._tab.state.playing and [*states(self._tab)] == ["marked bad"]
         return [
             row(act("bad", "Restore" if bad else "Mark bad"), act("reset", "Reset")),
             row(act("interpolate"), menu_button("More ▾", "correct.more", more)),
