@@ -243,8 +243,8 @@ onOtherConnection(loseConnection);
 
 onOtherTheme(() => {
   emit({ type: "theme", dark: isDark() });
-  for (const name of /** @type {const} */ (["marks", "keyframes", "suspicions", "rows"])) receive(name, states[name]);
-  invalidate("timeline");
+  for (const name of /** @type {const} */ (["marks", "keyframes", "suspicions"])) receive(name, states[name]);
+  invalidate("timeline", "overlay");
 });
 
 new ResizeObserver(() => {
