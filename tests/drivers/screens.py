@@ -65,7 +65,7 @@ class Screen:
         self.view.show(snapshot)
         layout = Layout(mode="space")
         if isinstance(snapshot, Posters):
-            names = (("", "#ffffff"),) * (len(snapshot.posters) + (snapshot.side is not None))
+            names = (("", None),) * (len(snapshot.posters) + (snapshot.side is not None))
             layout = poster_layout(snapshot, names, self.view.cameras.window, clipped=False)
         if layout != self.laid_out:
             self.laid_out = layout
@@ -111,7 +111,7 @@ def screen(browser: "Browser", size: tuple[int, int] = (1440, 900)) -> Iterator[
     with serving as server:
         server.viser.on_client_connect(clients.append)
         server.viser.gui.main_panel.float(x=15, y=15)  # the canvas is the whole window
-        page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+        page = browser.new_page(viewport={"width": size[0], "height": size[1]}, color_scheme="dark")
         # At the window's own resolution: viser lowers it where drawing is slow, and edges are then 1.4 px off.
         page.add_init_script("if (location.host) history.replaceState(null, '', '/?fixedDpr=1')")
         errors: list[str] = []
