@@ -32,7 +32,7 @@ CORNERS = """
       if (name.endsWith("/video")) node?.traverse((child) => (drawn ||= Boolean(child.material?.map?.image?.width)));
     if (layout?.image && drawn) {
       const places = [tcfit.place(0, 0), tcfit.place(...layout.image)].flat().map(Math.round);
-      corners.add([...places, __viserMutable.canvas.clientHeight].join(" "));
+      corners.add([...places, Math.round(__viserMutable.canvas.getBoundingClientRect().bottom)].join(" "));
     }
     requestAnimationFrame(look);
   };
@@ -54,8 +54,8 @@ def test_the_first_picture_is_drawn_where_it_stays(browser: "Browser", tmp_path:
         review.rest()
         found = review.tab.evaluate("[...corners]")
         assert len(found) == 1, found
-        left, top, right, bottom, height = map(int, found[0].split())
-        assert (right - left) / (bottom - top) == pytest.approx(size[0] / size[1], rel=0.02) and bottom <= height
+        left, top, right, bottom, end = map(int, found[0].split())
+        assert (right - left) / (bottom - top) == pytest.approx(size[0] / size[1], rel=0.02) and bottom <= end
 
 
 SEEN = """
