@@ -13,6 +13,7 @@ from tcfit_app.analysis.findings import WHOLE
 from tcfit_app.analysis.suspicion import ReviewQueue
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.review.browser.page_events import LookAt
+from tcfit_app.review.panels.review_panel import ReviewPanel
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
 from tests.tcfit_app.review.panels.conftest import last_edit, suspect, with_suspects
 
@@ -43,6 +44,22 @@ def test_the_review_queue(tested: LonePage):
     tested.press("action", "fine")
     page.tab.seek(2)
     assert "Remove flag" in tested.html()
+
+
+def test_the_first_entries_are_cards_and_the_one_on_show_is_among_them(tested: LonePage):
+    tested.page.tab.in_list = True
+    tested.panels = []
+    before = tested.html().count("<button")  # other panels have some from the start
+    tested.only(ReviewPanel)
+    with_suspects(tested, *(suspect(frame) for frame in range(8)))
+    shown = tested.html()
+    assert tested.field("New location").visible, "the project has no video, so fewer are listed"
+    assert shown.count("<button") - before < 12 and ">5 more<" in shown
+    for _ in range(8):
+        tested.press("action", "next_suspect")
+        assert tested.html().count('aria-current="true"') == 1
+    tested.press("review.more")
+    assert tested.html().count('data-tcfit="review.go"') == 8
 
 
 def test_looks_fine_is_taken_back_and_leaves_flags(tested: LonePage):
