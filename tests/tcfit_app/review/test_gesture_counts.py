@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.thorough
 
 WRIST, HAND = INDEX["right_wrist"], range(NAMES.index("right_thumb1") - 1, NAMES.index("right_thumb1") + 20)
-RULER = 40.0
+RULER = 9.0
 """Its middle, in pixels below the timeline's upper border."""
 
 

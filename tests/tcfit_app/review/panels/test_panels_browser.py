@@ -158,7 +158,7 @@ def test_a_number_of_the_fit_panel_is_taken_as_it_is_typed(opened: Reviewing):
     assert field.input_value() == "1e3"
     field.press("Control+a")
     opened.tab.keyboard.type("1e9")
-    opened.tab.get_by_text("w_T is 1e9; expected a number, 0 to 100,000.").wait_for()
+    opened.tab.get_by_text("Smoothness (w_T) is 1e9; expected a number, 0 to 100,000.").wait_for()
     field.fill("100")
     until(lambda: not opened.page.tab.state.settings.problems)
     opened.tab.evaluate("document.activeElement.blur()")
@@ -215,7 +215,7 @@ def test_axes_with_a_calibrated_camera_are_shown_in_full(opened: Reviewing):
     world = World(rotation=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), translation=(0.3, 1.2, 4.0), up="z")
     opened.app.post(lambda: project.set_camera(replace(project.clip.camera, world=world)))
     opened.tab.get_by_role("tab", name="Export", exact=True).click()
-    opened.tab.get_by_text("Axes and view", exact=True).click()
+    opened.tab.get_by_role("button", name="Axes and view").click()
     opened.tab.get_by_role("button", name="calibration's").wait_for()
     assert opened.tab.locator(".tcfit-joined button > span").evaluate_all(_CUT) == []
 
