@@ -105,6 +105,7 @@ class FitList:
         run = listed.run if listed.run.own_name else listed.base
         self._renamed = run.id
         self._entered.show(run.name)
+        self._tab.show_panel("Fit", "Name")
 
     def _rename(self, number: int) -> None:
         self._tab.refuse_read_only()
@@ -323,8 +324,9 @@ class ImportedFits:
             )
 
     def open(self) -> None:
-        """Show it."""
+        """Show it, and let the user type the path."""
         self._fold.turn(on=True)
+        self._tab.show_panel("Fit", "Path")
 
     def _take(self, file: Path | viser.UploadedFile) -> None:
         session, body = self._tab.session, self._file["Posed on"]
