@@ -287,6 +287,10 @@ export interface StepsRead {
   type: "steps_read";
 }
 
+export interface SwitchTheme {
+  type: "switch_theme";
+}
+
 export interface Hello {
   type: "hello";
   tab: string;
@@ -451,7 +455,7 @@ export interface States {
   beat: Beat;
 }
 
-export type PageRequest = ShowPanel | CopyLink | Leave | StepsRead;
+export type PageRequest = ShowPanel | CopyLink | Leave | StepsRead | SwitchTheme;
 
 export type PageEvent =
   Hello | Theme | Resized | Key | Seek | Range | OpenLink | Plot | MoveKey | LookAt | Select | Drag | DragDepth | Framed | Press | TooLarge | Gesture | GoToPerson | Drawn | Stranger;

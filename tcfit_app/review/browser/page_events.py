@@ -43,7 +43,7 @@ class Hello(_Event, frozen=True, tag="hello"):
 
 
 class Theme(_Event, frozen=True, tag="theme"):
-    """The page's operating system has switched to light or dark."""
+    """The page has become light or dark, as its system or by the user's choice."""
 
     dark: bool
 

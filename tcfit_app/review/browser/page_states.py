@@ -503,7 +503,11 @@ class StepsRead(_Request, frozen=True, kw_only=True, tag="steps_read"):
     """Remember in this browser that the first steps have been read."""
 
 
-PageRequest = ShowPanel | CopyLink | Leave | StepsRead
+class SwitchTheme(_Request, frozen=True, kw_only=True, tag="switch_theme"):
+    """Go over to light or dark, and remember that in this browser."""
+
+
+PageRequest = ShowPanel | CopyLink | Leave | StepsRead | SwitchTheme
 
 STATES: dict[str, type[_State]] = {
     "layout": Layout,

@@ -2,6 +2,7 @@
 
 from functools import partial
 
+from tcfit_app.review.browser.page_states import SwitchTheme
 from tcfit_app.review.drawing.status import Message, Status, notice
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.gestures.edit_words import also_here
@@ -108,7 +109,8 @@ class Header:
         )
 
     def _help(self) -> list[Item | None]:
-        return [self._item("help", "Keys"), self._item("first_steps", "First steps")]
+        theme = Item(label="Light or dark", do=lambda: self._tab.channel.ask(SwitchTheme()))
+        return [self._item("help", "Keys"), self._item("first_steps", "First steps"), theme]
 
 
 def _worded(icon: str, word: str) -> Html:

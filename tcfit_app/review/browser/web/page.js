@@ -14,6 +14,7 @@ import "./picture/dragging.js";
 import { fitPlaces } from "./picture/fits.js";
 import "./picture/overlay.js";
 import { posterMaps, toScreen } from "./picture/projection.js";
+import { switchTheme } from "./theme.js";
 import "./timeline/drawing.js";
 import "./timeline/gestures.js";
 import "./timeline/menus.js";
@@ -25,7 +26,13 @@ import { dress, setColorTable } from "./viser/meshes.js";
 import "./viser/names.js";
 
 /** @type {{ [type in PageRequest["type"]]: (request: any) => void }} */
-const REQUESTS = { show_panel: showPanel, copy_link: copyLink, leave, steps_read: () => remember(STEPS, "read") };
+const REQUESTS = {
+  show_panel: showPanel,
+  copy_link: copyLink,
+  leave,
+  steps_read: () => remember(STEPS, "read"),
+  switch_theme: switchTheme,
+};
 
 export const calls = {
   connect,

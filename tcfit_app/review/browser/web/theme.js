@@ -1,9 +1,10 @@
-// Light and dark, as the system has it: the colours of everything but the video and the marks on it, which have those
-// of the dark theme always.
+// Light and dark, as the system has it or the user has chosen: the colours of everything but the video and the marks on
+// it, which have those of the dark theme always.
 
 /** @import { Meaning } from "./wire" */
 
 import { COLORS as PAIRS } from "./colors.js";
+import { remember, remembered } from "./remembered.js";
 
 /** @param {0 | 1} theme @returns {{ [meaning in Meaning]: string }} */
 const meanings = (theme) =>
@@ -33,7 +34,11 @@ const LIGHT = {
 
 const light = window.matchMedia("(prefers-color-scheme: light)");
 // Read once: Chromium fires no change event for a value that was read before the event.
-let dark = !light.matches;
+let system = light.matches ? "light" : "dark";
+const CHOSEN = "tcfit-theme";
+const isChosenDark = () => (remembered(CHOSEN) || system) === "dark";
+let dark = isChosenDark();
+document.documentElement.classList.toggle("tcfit-light", !dark);
 
 /** Those that hold now; for canvases. */
 export const tones = { ...(dark ? DARK : LIGHT) };
@@ -41,18 +46,36 @@ export const tones = { ...(dark ? DARK : LIGHT) };
 /** Whether everything beside the picture is dark. */
 export const isDark = () => dark;
 
-light.addEventListener("change", ({ matches }) => {
-  dark = !matches;
+/** @type {(() => void)[]} */
+const changes = [];
+
+/** Calls back when it has become the other one. @param {() => void} change */
+export const onOtherTheme = (change) => void changes.push(change);
+
+function follow() {
+  if (dark === isChosenDark()) return;
+  dark = !dark;
+  document.documentElement.classList.toggle("tcfit-light", !dark);
   Object.assign(tones, dark ? DARK : LIGHT);
+  for (const change of changes) change();
+}
+
+light.addEventListener("change", ({ matches }) => {
+  system = matches ? "light" : "dark";
+  follow();
 });
 
-/** Calls back when the system has gone over to the other one. @param {() => void} change */
-export const onOtherTheme = (change) => light.addEventListener("change", change);
+/** Goes over to the other one, for good unless that is the system's. */
+export function switchTheme() {
+  const other = dark ? "light" : "dark";
+  remember(CHOSEN, other === system ? "" : other);
+  follow();
+}
 
 /** @param {typeof DARK} palette */
 const variables = (palette) => Object.entries(palette).map(([name, color]) => `--tcfit-${name}: ${color};`).join(" ");
 
 export const THEME_SHEET = `
 :root { ${variables(DARK)} }
-@media (prefers-color-scheme: light) { :root { ${variables(LIGHT)} } }
+:root.tcfit-light { ${variables(LIGHT)} }
 `;

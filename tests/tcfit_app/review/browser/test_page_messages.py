@@ -81,6 +81,7 @@ def test_frames_become_spans() -> None:
 def test_the_script_makes_no_code_or_html_of_text() -> None:
     everything = [loading(), *(content.decode() for content in web_files().values())]
     assert not [text for text in everything if "eval(" in text or "innerHTML" in text]
+    assert [path for path, content in web_files().items() if b"DOMParser" in content] == ["/tcfit/bars/markup.js"]
 
 
 def test_what_the_page_s_types_say_is_what_travels() -> None:

@@ -1,4 +1,4 @@
-"""The status line: what it says of a correction that the body does not reach."""
+"""The header: what it says, and what it says of a correction that the body does not reach."""
 
 from pathlib import Path
 
@@ -9,8 +9,10 @@ import viser
 from fitting_core.body.model import BodyModel
 from fitting_core.keypoints import INDEX
 from tcfit_app.project.edits.kinds import MoveKeypoint
+from tcfit_app.review.browser.page_states import ShowPanel
+from tcfit_app.review.drawing.status import Message
 from tcfit_app.review.panels.review_panel import ReviewPanel
-from tests.drivers.lone_page import tiny_page
+from tests.drivers.lone_page import LonePage, tiny_page
 
 
 def test_a_correction_out_of_reach_says_how_far_and_what_to_move_as_well(
@@ -39,3 +41,26 @@ def test_a_correction_out_of_reach_says_how_far_and_what_to_move_as_well(
         tab.set(selection=(elbow,))
         tab.session.project.undo()
         assert not said()
+
+
+def test_the_most_urgent_is_shown_and_leads_on_and_the_rest_is_in_a_menu(
+    fitted_page: LonePage, monkeypatch: pytest.MonkeyPatch
+):
+    asked, cancelled, page = [], [], fitted_page.page
+    monkeypatch.setattr(page.tab.channel, "ask", asked.append)
+    monkeypatch.setattr(page.header.status, "messages", lambda now, problem: messages)
+    messages = [
+        Message(text="Read-only", kind="warning"),
+        Message(text="The video is gone", kind="warning", panel="Review"),
+        Message(text="Fitting 43 %", kind="busy", progress=0.43, cancel=lambda: cancelled.append(True)),
+    ]
+    shown = fitted_page.html()
+    assert ">Fitting 43 %<" in shown and "width:43.0%" in shown and ">Read-only<" in shown
+    assert ">The video is gone<" not in shown and ">+1 ▾<" in shown
+    fitted_page.press("header.cancel", "Fitting")
+    fitted_page.press("header.more", "The video is gone")
+    del messages[0]
+    fitted_page.press("header.lead", "Review")
+    assert cancelled and asked == 2 * [ShowPanel(panel="Review")]
+    messages.clear()
+    assert ">Saved<" in fitted_page.html()

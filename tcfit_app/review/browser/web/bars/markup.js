@@ -9,19 +9,23 @@ export function place(box, html) {
   // As viser does with the HTML of panels; the server escapes all text in it.
   const parts = [...new DOMParser().parseFromString(html, "text/html").body.children];
   parts.forEach((part, index) => {
-    const old = box.children[index];
     const source = part.outerHTML;
+    const old = box.children[index];
     if (old && sources.get(old) === source) return;
-    const focused = old?.contains(document.activeElement) ? document.activeElement : null;
-    if (old) old.replaceWith(part);
+    if (old) renew(old, part);
     else box.append(part);
-    sources.set(part, source);
-    if (focused instanceof HTMLElement) alike(part, focused)?.focus({ preventScroll: true });
+    sources.set(box.children[index], source);
   });
 }
 
-/** The button that does the same. @param {Element} part @param {HTMLElement} button */
-function alike(part, { dataset }) {
-  const buttons = [...part.querySelectorAll("button")];
-  return buttons.find((each) => each.dataset.tcfit === dataset.tcfit && each.dataset.value === dataset.value);
+/** Makes an element like another one. A button in it stays: it may have the focus, or be pressed just now.
+ * @param {ChildNode} old @param {ChildNode} wanted */
+function renew(old, wanted) {
+  const [before, after] = [[...old.childNodes], [...wanted.childNodes]];
+  if (old.nodeName !== wanted.nodeName || before.length !== after.length) return old.replaceWith(wanted);
+  if (old instanceof Element && wanted instanceof Element) {
+    for (const { name } of [...old.attributes]) if (!wanted.hasAttribute(name)) old.removeAttribute(name);
+    for (const { name, value } of wanted.attributes) old.setAttribute(name, value);
+  } else old.nodeValue = wanted.nodeValue;
+  before.forEach((child, index) => renew(child, after[index]));
 }

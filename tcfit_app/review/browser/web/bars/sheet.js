@@ -33,7 +33,7 @@ export const BARS_SHEET = `
 .tcfit-message { display: flex; flex: 0 1 auto; align-items: center; gap: 6px; min-width: 0; }
 .tcfit-message > span { display: -webkit-box; overflow: hidden; -webkit-box-orient: vertical; -webkit-line-clamp: 2; line-height: 1.25; }
 .tcfit-message.tcfit-good { color: var(--tcfit-text); } .tcfit-message.tcfit-warning { color: var(--tcfit-suspicious); }
-.tcfit-message .tcfit-track { flex: 0 1 80px; min-width: 30px; margin: 0; }
+.tcfit-message .tcfit-track { flex: none; width: 60px; margin: 0; }
 .tcfit-others { display: flex; align-items: center; gap: 5px; color: var(--tcfit-dim); }
 .tcfit-panel ol { margin: 0 0 8px; padding-left: 20px; }
 .tcfit-panel li { margin: 3px 0; }

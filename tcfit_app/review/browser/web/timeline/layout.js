@@ -10,7 +10,7 @@ const LANE = 15;
 const OVERVIEW = 13;
 const GAP = 3;
 const LEAST_ROW = 34;
-const LEAST_PICTURE = 150; // what stays above the strip
+const LEAST_PICTURE = 110; // what stays above the strip
 const USUAL = { share: 0.3, least: 217, most: 340 }; // of the window's height, in CSS pixels; with the bar
 
 /** @typedef {{ top: number, bottom: number }} Band in CSS pixels of the strip */
