@@ -129,6 +129,7 @@ def test_two_fits_side_by_side(review: Reviewing):
 def test_the_timeline_plots_what_is_chosen_in_it(review: Reviewing):
     tab = review.page.tab
     usual = tab.state.plots
+    review.press("2", lambda: len(shown_labels(review)) == 2)  # the distance is between two fits
     review.tab.get_by_title("Choose the curves").click()
     for title in ("Distance between the fits (mm)", "Hand phases"):
         review.tab.get_by_role("menuitemcheckbox", name=title).click()
@@ -145,6 +146,7 @@ def test_the_timeline_plots_what_is_chosen_in_it(review: Reviewing):
     for title in ("Distance between the fits", "Hand phases"):
         review.tab.get_by_role("button", name=f"Close {title}", exact=True).click()
     until(lambda: tab.state.plots == usual, "the rows before")
+    review.press("1", lambda: len(shown_labels(review)) == 1)
 
 
 def test_frames_that_are_selected_elsewhere_are_not_changed(review: Reviewing):
