@@ -94,7 +94,7 @@ class Header:
         items: list[Item | None] = [
             Item(label=one.name, do=partial(self._tab.go_to, one), checked=one is here or None) for one in people
         ]
-        label = f"{here.name} of {len(people)} ▾"
+        label = f"{here.name[:1].upper()}{here.name[1:]} of {len(people)} ▾"
         return menu_button(
             label, "header.person", items, hint="The person to correct and fit; the others are dimmed. Q: next person"
         )

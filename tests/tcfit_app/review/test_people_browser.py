@@ -11,7 +11,7 @@ from tests.drivers.review_page import Reviewing, opened, reviewed_people, servin
 from tests.samples.people_projects import FRAMES, LATE, open_two, two_people
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser
+    from playwright.sync_api import Browser, Locator
 
 pytestmark = pytest.mark.thorough
 
@@ -29,10 +29,15 @@ def person(review: Reviewing) -> str:
     return review.page.tab.someone.name
 
 
+def button(review: Reviewing) -> "Locator":
+    """The header's, which opens the menu of the people."""
+    return review.tab.locator("[data-tcfit='header.person']")
+
+
 def choose(review: Reviewing, name: str) -> None:
-    """In the drop-down."""
-    review.tab.get_by_label("Person").click()
-    review.tab.get_by_role("option", name=name, exact=True).click()
+    """In the header's menu."""
+    button(review).click()
+    review.tab.get_by_role("menuitem", name=name, exact=True).click()
     until(lambda: person(review) == name, name)
 
 
@@ -54,10 +59,10 @@ def back(review: Reviewing) -> None:
     until(lambda: state(review, "cursor")["frame"] == 0)
 
 
-def test_the_drop_down_swaps_the_person(review: Reviewing):
+def test_the_header_swaps_the_person(review: Reviewing):
     back(review)
     assert state(review, "timeline")["first_frame"] == 0
-    until(lambda: review.tab.get_by_label("Person").is_visible(), "the drop-down")
+    until(lambda: button(review).is_visible(), "the header")
     review.app.post(lambda: review.page.tab.seek(LATE + 2))
     until(lambda: state(review, "cursor")["frame"] == LATE + 2)
     choose(review, "person 2")
@@ -65,10 +70,10 @@ def test_the_drop_down_swaps_the_person(review: Reviewing):
     until(lambda: state(review, "cursor")["frame"] == 2, "the same moment")
     mine = review.app.people[1].session.project.corrected.xy[2, WRIST]
     until(lambda: state(review, "keypoints")["xy"][WRIST] == pytest.approx(mine, abs=0.01), "the other keypoints")
-    until(lambda: review.tab.get_by_label("Person").input_value() == "person 2", "the drop-down")
+    until(lambda: button(review).inner_text() == "Person 2 of 2 ▾", "the header")
     choose(review, "person 1")
     until(lambda: state(review, "timeline")["length"] == FRAMES, "the timeline of before")
-    until(lambda: review.tab.get_by_label("Person").input_value() == "person 1", "the drop-down")
+    until(lambda: button(review).inner_text() == "Person 1 of 2 ▾", "the header")
     assert not review.complaints
 
 
