@@ -207,7 +207,7 @@ def correcting(review: Reviewing) -> Iterator[str]:
     review.tab.keyboard.press("t")
     settle(review)
     yield "keypoints-bad"
-    open_panel(review, "View")
+    open_panel(review, "Correct")
     show(review, frames=None, selection=())
     yield "corrected"
 
@@ -304,7 +304,7 @@ def documentation(review: Reviewing) -> Iterator[str]:
     yield "corrected"
     review.press("Control+z", lambda: not review.session.project.corrected.edited.any())
     settle(review)
-    open_panel(review, "View")
+    open_panel(review, "Fit")
     show(review, frames=None, selection=(), mode="ab", difference=True, frame=112)
     yield "compare"
     show(review, mode="space", difference=False)
@@ -314,7 +314,7 @@ def documentation(review: Reviewing) -> Iterator[str]:
 def first_look(review: Reviewing) -> Iterator[str]:
     """The project as it opens, and its panels."""
     settle(review)
-    yield "view"
+    yield "correct"
     for panel in PANELS[1:]:
         open_panel(review, panel.title)
         yield panel.title.lower()

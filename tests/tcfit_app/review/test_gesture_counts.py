@@ -12,6 +12,7 @@ import pytest
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.keypoints import FINGER_JOINTS, INDEX, NAMES
 from fitting_core.measure.hands.handshapes import HandshapeSet, finger_bones
+from tcfit_app.review.panels import PANELS
 from tests.drivers.page_tab import GUTTER, MARGIN
 from tests.drivers.review_page import QUICK, Reviewing, reviewing, until
 
@@ -169,3 +170,32 @@ def test_a_glb(user: User):
     with user.review.tab.expect_download() as waiting:
         user.press("button", "Blender")
     assert waiting.value.suggested_filename.endswith(".glb") and user.count == 2
+
+
+MOST_CONTROLS = 12
+"""In the panel, whatever is selected."""
+CONTROLS = """() =>
+  [...document.querySelectorAll("[role=tabpanel] :is(button, input:not([type=hidden]), [role=slider])")]
+    .filter((one) => one.checkVisibility() && one.getClientRects().length > 0)
+    .map((one) => one.innerText || one.ariaLabel || one.labels?.[0]?.textContent || one.value)"""
+
+
+@pytest.mark.parametrize("title", [panel.title for panel in PANELS])
+@pytest.mark.parametrize("selected", ["nothing", "elbow", "wrist", "finger", "several", "frames"])
+def test_a_newcomer_sees_few_controls(user: User, title: str, selected: str):
+    joints = {"elbow": ("right_elbow",), "wrist": ("right_wrist",), "finger": ("right_index3",)}
+    several = ("right_elbow", "right_shoulder", "neck")
+    chosen = tuple(INDEX[name] for name in (several if selected == "several" else joints.get(selected, ())))
+    frames = range(10, 21) if selected == "frames" else None
+    user.review.app.post(lambda: user.review.page.tab.set(selection=chosen, frames=frames, frame=12, folds=frozenset()))
+    user.review.tab.get_by_role("tab", name=title, exact=True).click()
+    found: list[str] = []
+
+    def settled() -> bool:
+        before = found[:]
+        found[:] = user.review.tab.evaluate(CONTROLS)
+        return bool(found) and found == before
+
+    user.review.tab.wait_for_timeout(500)  # panels are drawn a little after the picture
+    until(settled, "the panel")
+    assert len(found) <= MOST_CONTROLS, f"{len(found)} controls: {found}"
