@@ -175,7 +175,7 @@ def test_a_glb(user: User):
 MOST_CONTROLS = 12
 """In the panel, whatever is selected."""
 CONTROLS = """() =>
-  [...document.querySelectorAll("[role=tabpanel] :is(button, input:not([type=hidden]), [role=slider])")]
+  [...document.querySelectorAll(".mantine-ScrollArea-content :is(button, input:not([type=hidden]), [role=slider])")]
     .filter((one) => one.checkVisibility() && one.getClientRects().length > 0)
     .map((one) => one.innerText || one.ariaLabel || one.labels?.[0]?.textContent || one.value)"""
 
