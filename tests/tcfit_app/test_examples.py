@@ -63,10 +63,13 @@ def test_a_panel_of_one_s_own(tmp_path: Path, panel_server: viser.ViserServer, m
             tested.click("Go there")
             shown.append(f"now in frame {tested.page.tab.state.frame}")
 
-    monkeypatch.setattr(panels, "PANELS", [*panels.PANELS])
+    known = [*panels.PANELS]
     for name in (*ACTIONS, "panel_way"):
         monkeypatch.setitem(ACTIONS, name, ACTIONS.get(name))
     monkeypatch.setattr(review_command, "review", review)
-    run("own_panel", [str(tmp_path / "walk.tcfit")], monkeypatch)
+    try:
+        run("own_panel", [str(tmp_path / "walk.tcfit")], monkeypatch)
+    finally:
+        panels.PANELS[:] = known
     fastest = shown[0].split("fastest in frame ")[1].split("<")[0]
     assert "Fit 1" in shown[0] and shown[1] == f"now in frame {fastest}"

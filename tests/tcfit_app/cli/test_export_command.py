@@ -230,7 +230,7 @@ def test_pictures_of_a_project_and_of_a_result(project: Path, free_body: BodyMod
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--formats", "maya"], "expected some of glb, fbx, npz"),
+        (["--formats", "maya"], "expected some of glb, bvh, obj"),
         (["--formats", "npz", "rig-bvh"], "rig-bvh: was removed. Export bvh, mixamo or unreal and retarget it"),
         (["--run", "middle"], "'near' (#1), 'far' (#2)"),
         (["--frames", "0:3"], "from 7 to 12"),

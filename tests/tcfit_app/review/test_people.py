@@ -440,6 +440,7 @@ def test_what_is_right_is_uncertain_no_more(app: ReviewApp, folder: Path):
     hello(app, "mine")
     app.pages[1].receive(GoToPerson(1))
     page = app.pages[1]
+    page.tab.set(folds=frozenset({"people"}))
     page.draw(0.0)
     panel = next(panel for panel in page.panels if isinstance(panel, ReviewPanel))
     page.tab.look()

@@ -88,7 +88,7 @@ def test_a_close_up_follows_its_part_until_the_whole_picture_is_asked_for(tested
     tested.page.receive(Key(action="fit_view", repeat=False))
     assert tab.state.close_up is None
     tab.set(mode="space")
-    with pytest.raises(InputError, match="Edit and A"):
+    with pytest.raises(InputError, match="Edit and Compare"):
         show_close_up(tab, parts[0])
 
 

@@ -41,6 +41,7 @@ def page(named: str, panel_server: viser.ViserServer, tmp_path: Path) -> Iterato
     else:
         opened = sample_project(folder, "a run")
     with opened as project, lone_page(panel_server, project) as made:
+        made.page.tab.set(mode="ab", folds=frozenset({"compare.reference"}))
         made.draw()
         yield made
 
