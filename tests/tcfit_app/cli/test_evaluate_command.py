@@ -180,7 +180,7 @@ def acted(folder: Path, body: BodyModel, seconds: np.ndarray) -> Path:
 
 @pytest.mark.thorough
 def test_a_laboratory_whose_clock_is_another(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
-    """A fit that is the truth, beside markers at 120 per second that begin 0.37 s before the video."""
+    """A fit that is the truth, beside markers at another rate that begin 0.37 s before the video."""
     seconds = np.arange(0, laboratory.SECONDS, 1 / laboratory.RATE)
     result = acted(tmp_path, free_body, seconds)
     seen = laboratory.measured(free_body, "markers", gaps=True, noise=0.001)
@@ -229,7 +229,7 @@ def test_other_systems_are_judged_beside_the_fit(tmp_path: Path, free_body: Body
 def test_a_user_s_markers_say_what_points_are(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
     seconds = np.arange(0, 2, 1 / laboratory.RATE)
     result = acted(tmp_path, free_body, seconds)
-    names, places = laboratory.places_of(free_body, np.arange(0, 2, 1 / 120), "markers")
+    names, places = laboratory.places_of(free_body, np.arange(0, 2, 1 / laboratory.OWN_RATE), "markers")
     path = laboratory.written(tmp_path, "trc", tuple(f"P{i}" for i in range(len(names))), places)
     lines = [f'P{i} = "{name}"' for i, name in enumerate(names)]
     (tmp_path / "own.toml").write_text("\n".join(["[markers]", *lines]))
