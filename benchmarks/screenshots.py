@@ -272,9 +272,9 @@ def fitting(review: Reviewing) -> Iterator[str]:
     yield "failed"
 
 
-def errors_of_b(review: Reviewing) -> list[float]:
-    """The curve of B's reprojection errors in the timeline, pixels."""
-    return review.tab.evaluate("() => tcfit.state('rows').rows[0].curves.at(-1).values")
+def errors_of_body(review: Reviewing) -> list[float]:
+    """The body's reprojection errors in the timeline, pixels."""
+    return review.tab.evaluate("() => tcfit.state('rows').rows[0].curves[0].values")
 
 
 def documentation(review: Reviewing) -> Iterator[str]:
@@ -298,7 +298,7 @@ def documentation(review: Reviewing) -> Iterator[str]:
     show(review, frames=range(58, 65))
     review.press("i", lambda: review.session.project.corrected.edited[58:65].any())
     settle(review)
-    until(lambda: errors_of_b(review)[60] < 6, "the curve of the corrected fit")
+    until(lambda: errors_of_body(review)[60] < 6, "the curve of the corrected fit")
     until(lambda: review.page.tab.data.suspects(cast(Shown, review.page.tab.shown.b)), "that fit's queue")
     settle(review)
     yield "corrected"

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from fitting_core.files.atomic import replacing
+from fitting_core.files.atomic import replacing, sweep
 from fitting_core.files.regular import regular_file
 from fitting_core.io.result_files import SUMMARY_NAME, is_result
 from tcfit_app.batch.inputs import unchanged
@@ -92,6 +92,7 @@ def done_before(task: ClipTask) -> ClipOutcome | None:
         return None
     if found.batch is None or not unchanged(found.batch.inputs, task):
         return None
+    sweep(task.out)  # a process that was killed right after its last write
     return _outcome(task, found, found.batch, "done before")
 
 

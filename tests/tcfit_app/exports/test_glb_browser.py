@@ -68,7 +68,7 @@ def test_the_app_s_download_opens(browser: "Browser", free_body: BodyModel, tmp_
     with reviewing(folder, browser) as review:
         review.tab.get_by_role("tab").nth([panel.title for panel in PANELS].index("Export")).click()
         with review.tab.expect_download(timeout=60_000) as download:
-            review.tab.locator("[data-tcfit='export.begin'][data-value=glb]").click()
+            review.tab.locator("[data-tcfit='export.begin'][data-value=glb]").first.click()
         assert download.value.suggested_filename == "walk.glb"
         download.value.save_as(tmp_path / "got.glb")
         review.tab.get_by_text("downloaded").wait_for()

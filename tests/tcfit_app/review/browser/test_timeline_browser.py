@@ -13,6 +13,7 @@ from tcfit_app.review.browser.page_events import Key, LookAt, MoveKey, Plot, Ran
 from tcfit_app.review.drawing.rows import CHOICES
 from tcfit_app.server.serving import ReviewServer, review_server
 from tests.drivers.page_tab import BAR, KEYS, LENGTH, POSTER, RECORD, ROWS, TABS, TIMELINE, Tab, open_tab, strip_place
+from tests.drivers.waiting import until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -140,7 +141,8 @@ def test_the_frame_on_show_is_named_and_another_one_can_be_typed(tab: Tab) -> No
     tab.post(timeline=states.Timeline(length=LENGTH, frame_rate=30.0, first_frame=7), cursor=states.Cursor(frame=60))
     tab.await_drawn(60)
     field = tab.page.get_by_role("textbox", name="Frame")
-    assert field.input_value() == "67" and tab.page.locator(".tcfit-now").text_content() == "/ 306· 0:02.00"
+    until(lambda: field.input_value() == "67")
+    assert tab.page.locator(".tcfit-now").text_content() == "/ 306· 0:02.00"
     for typed, frame in (("99", 92), ("9999", LENGTH - 1), ("-3", 0)):
         known = len(tab.received(Seek))
         field.fill(typed)

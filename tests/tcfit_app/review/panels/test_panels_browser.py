@@ -131,24 +131,6 @@ def test_a_row_leads_to_its_frame(opened: Reviewing):
     until(lambda: opened.tab.locator("tr.tcfit-off").count() == 1)
 
 
-@pytest.mark.parametrize(
-    "keys", [["Backspace"], ["7", "Backspace"], ["7", "Backspace", "-"], ["End", *3 * ["Backspace"]]]
-)
-def test_an_emptied_number_field_gets_its_value_back(opened: Reviewing, keys: list[str]):
-    number = opened.page.tab.client.gui.add_number("Tested", 3)
-    field = opened.tab.get_by_label("Tested", exact=True)
-    field.fill("7")
-    until(lambda: number.value == 7, "7")
-    field.press("Control+a")
-    for key in keys:
-        field.press(key)
-    assert field.input_value() in ("", "-")
-    field.press("Tab")
-    until(lambda: field.input_value() == "7" and number.value == 7)
-    opened.tab.evaluate("document.activeElement.blur()")
-    number.remove()
-
-
 def test_a_number_of_the_fit_panel_is_taken_as_it_is_typed(opened: Reviewing):
     opened.tab.get_by_role("tab", name="Fit").click()
     field = opened.tab.get_by_label("Smoothness (w_T)", exact=True)
@@ -192,8 +174,8 @@ def test_what_is_changed_moves_no_field(opened: Reviewing):
 def test_a_dropdown_that_is_reached_by_tab_stays_closed_until_it_is_wanted(opened: Reviewing):
     opened.tab.get_by_role("tab", name="Fit", exact=True).click()
     options, focused = opened.tab.get_by_role("option"), opened.tab.locator("input[aria-haspopup=listbox]:focus")
-    opened.tab.locator("input[aria-label='w_T']").focus()
-    opened.tab.keyboard.press("Tab")
+    opened.tab.locator("input[aria-label='Smoothness (w_T)']").focus()
+    opened.tab.keyboard.press("Shift+Tab")  # to Preset
     until(lambda: focused.count() == 1, "the focus")
     opened.rest()
     assert options.count() == 0
