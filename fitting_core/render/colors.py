@@ -1,4 +1,4 @@
-"""The colours of pictures, videos and the app: one for each meaning, told apart with every kind of colour vision."""
+"""The colours of pictures, videos and the app: one for each meaning, distinct with colour-deficient vision too."""
 
 COLORS: dict[str, tuple[str, str]] = {
     # Main button, pressed, focus, progress.

@@ -242,20 +242,20 @@ def _low_confidence(fit: PosedFit) -> Iterator[Finding]:
             score = (1 - value / usual[frame]) / (1 - _LOW)
             by_frame.setdefault(frame, []).append((float(score), reason, tracked))
     for frame, parts in by_frame.items():
-        nobody = not fit.clip.keypoints.confidence[frame].any()
+        empty = not fit.clip.keypoints.confidence[frame].any()
         of_limb: dict[str, list[tuple[float, str, list[int]]]] = {}
         for part in sorted(parts, key=lambda part: -part[0]):
-            of_limb.setdefault(WHOLE if nobody else LIMB_OF[part[2][0]], []).append(part)
+            of_limb.setdefault(WHOLE if empty else LIMB_OF[part[2][0]], []).append(part)
         for own in of_limb.values():
-            yield _lost(frame, own, nobody=nobody)
+            yield _lost(frame, own, empty=empty)
 
 
-def _lost(frame: int, parts: list[tuple[float, str, list[int]]], *, nobody: bool) -> Finding:
+def _lost(frame: int, parts: list[tuple[float, str, list[int]]], *, empty: bool) -> Finding:
     """Parts with their scores, reasons and keypoints, worst first."""
     score, reason, _ = parts[0]
     more = f"; {len(parts) - 1} more {'parts are' if len(parts) > 2 else 'part is'} lost" if len(parts) > 1 else ""
     joints = tuple(joint for _, _, tracked in parts for joint in tracked)
-    return Finding(frame=frame, score=score, reason="nobody is detected" if nobody else reason + more, joints=joints)
+    return Finding(frame=frame, score=score, reason="no person is detected" if empty else reason + more, joints=joints)
 
 
 def _swaps(fit: PosedFit) -> Iterator[Finding]:
@@ -265,12 +265,9 @@ def _swaps(fit: PosedFit) -> Iterator[Finding]:
         put_right = {*fit.swapped_back.get(name, none).tolist()}
         joints = (*left, *right, *others[0], *others[1])
         for frame in sorted(by_detector | put_right):
-            score, reason = _SWAP_SCORE, f"left and right of the {name} may be swapped"
+            score, reason = _SWAP_SCORE, f"left and right {name} may be swapped"
             if frame in put_right:
-                score, reason = (
-                    _SWAPPED_BACK_SCORE,
-                    f"left and right of the {name} were swapped, which the fit has corrected",
-                )
+                score, reason = _SWAPPED_BACK_SCORE, f"left and right {name} were swapped; the fit has corrected it"
             yield Finding(frame=frame, score=score, reason=reason, joints=joints)
 
 

@@ -160,7 +160,7 @@ class ReviewPanel:
         if (entry := reviewing.on_show) is not None:
             return [row(act("fine", fine, hint=reviewing.subject(entry)), following, more)]
         where = "" if tab.state.frames is None else f", {in_words(tab.state.frames, tab.first_frame)}"
-        return [row(act("fine", f"{fine}{where}"), following, more)]
+        return [row(act("fine", f"{fine}{where}")), row(following, more)]
 
     def _more(self) -> list[Item | None]:
         """The menu of what is needed less often."""

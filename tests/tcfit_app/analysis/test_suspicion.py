@@ -312,7 +312,7 @@ def test_several_parts_that_are_lost_at_once(fine: PosedFit):
         hand = found[20, f"{side} arm"]
         assert hand.reason == f"{side} hand is not detected"
         assert {LIMB_OF[joint] for joint in hand.joints} == {f"{side} arm"}
-    assert found[30, "whole body"].reason == "nobody is detected" and len(found) == 3
+    assert found[30, "whole body"].reason == "no person is detected" and len(found) == 3
 
 
 def test_what_a_person_marked_as_bad_is_not_missed(fine: PosedFit):
@@ -342,9 +342,7 @@ def test_swapped_sides_are_the_cause_that_is_told(fine: PosedFit, pair: str):
     fit = displaced(with_keypoints(fine, xy=xy), 30, "nose", (20.0, 10.0))
     first, second = review_queue(findings(fit)).left
     assert first.frame == 30, "what the fit has put right is not as bad as what is off"
-    assert (
-        second.reason == f"left and right of the {pair} were swapped, which the fit has corrected" and second.score == 1
-    )
+    assert second.reason == f"left and right {pair} were swapped; the fit has corrected it" and second.score == 1
     assert second.kind == "swap" and set(second.joints) == {*left, *right, *others[0], *others[1]}
     assert second.frames == range(18, 22) and second.also == ()
 
@@ -355,9 +353,7 @@ def test_a_fit_that_followed_swapped_sides(fine: PosedFit, pair: str):
     with patch.object(PosedFit, "projected", swapped(fine.projected, pair, slice(18, 22))):
         (first,) = queue_of(fit, kinds=["swap", "reprojection"])
     assert (
-        first.reason == f"left and right of the {pair} may be swapped"
-        and first.score == 3
-        and first.frames == range(18, 22)
+        first.reason == f"left and right {pair} may be swapped" and first.score == 3 and first.frames == range(18, 22)
     )
 
 

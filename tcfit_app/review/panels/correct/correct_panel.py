@@ -135,7 +135,7 @@ class CorrectPanel:
         ]
 
     def _of_frames(self) -> Html:
-        """What acts on frames, whatever is selected."""
+        """The menus that need no selected keypoint."""
         gestures = self._gestures
         swaps = [action_item(gestures, f"swap_{part}", part.capitalize()) for part in SWAPPABLE]
         names = {part: part_name(part).capitalize() for part in PARTS}

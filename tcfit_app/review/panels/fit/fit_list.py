@@ -166,8 +166,8 @@ class FitList:
         found = [heading("Fits", first=True), table(lines), *older, *problem, *cancel]
         self._rows.show(*(found if rows else []))
         self._draw_naming()
-        told = here if _DETAILS in tab.state.folds else None
-        self._details.show(*([] if told is None else details(told, result_of(session, told.run))))
+        detailed = here if _DETAILS in tab.state.folds else None
+        self._details.show(*([] if detailed is None else details(detailed, result_of(session, detailed.run))))
         self._import.draw()
         self._deleted.draw()
 

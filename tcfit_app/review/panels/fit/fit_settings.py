@@ -428,10 +428,10 @@ class FitInputs:
             do=lambda: self._take_preset(self._tab.state.settings.preset),
             hint="Resets all settings to the preset",
         )
-        told = [paragraph(why, "bad") for _, why in now.problems]
-        if names and not told:
-            told = [paragraph(f"Changed from the preset: {', '.join(map(words, names))}")]
-        self._changed.show(*([*told, row(back)] if told else []))
+        lines = [paragraph(why, "bad") for _, why in now.problems]
+        if names and not lines:
+            lines = [paragraph(f"Changed from the preset: {', '.join(map(words, names))}")]
+        self._changed.show(*([*lines, row(back)] if lines else []))
 
     def _draw_focal(self, now: FitSettings) -> None:
         camera = self._camera

@@ -1,4 +1,4 @@
-"""The colours of meanings: seen on every ground of the page, and told apart with every kind of colour vision."""
+"""The colours of meanings: seen on every ground of the page, and distinct with colour-deficient vision too."""
 
 import re
 from itertools import combinations
