@@ -24,6 +24,12 @@ RULER = 9.0
 """Its middle, in pixels below the strip's upper border."""
 LANES = {name: 13 + 15 * (i + 0.5) for i, name in enumerate(("notes", "flags", "suspicion", "keys", "edits"))}
 """Their middles, in pixels above the strip's lower border."""
+COUNT_MADE = """() => {
+  window.made = 0;
+  const count = (changes) => (window.made += changes.length);
+  new MutationObserver(count).observe(document.body, { childList: true, subtree: true });
+}"""
+"""Count the changes of elements from now on."""
 
 
 @pytest.fixture(scope="module")
@@ -143,6 +149,12 @@ def test_the_frame_on_show_is_named_and_another_one_can_be_typed(tab: Tab) -> No
     field = tab.page.get_by_role("textbox", name="Frame")
     until(lambda: field.input_value() == "67")
     assert tab.page.locator(".tcfit-now").text_content() == "/ 306· 0:02.00"
+    tab.page.evaluate(COUNT_MADE)
+    tab.post(cursor=states.Cursor(frame=63))
+    until(lambda: tab.page.locator(".tcfit-now").text_content() == "/ 306· 0:02.10")
+    assert tab.page.evaluate("() => window.made") == 0, "while a clip plays, no element is made for each frame"
+    tab.post(cursor=states.Cursor(frame=60))
+    tab.await_drawn(60)
     for typed, frame in (("99", 92), ("9999", LENGTH - 1), ("-3", 0)):
         known = len(tab.received(Seek))
         field.fill(typed)

@@ -15,13 +15,15 @@ field.title = "Frame on show: type a number to go to it";
 field.inputMode = "numeric";
 const length = element("span", "tcfit-dim");
 const time = element("span", "tcfit-dim tcfit-time");
+const clock = new Text();
+time.append(clock);
 
 /** Number and time of the frame on show. A number that is being typed stays. */
 export function showFrame() {
   const frame = cursorFrame();
   if (frame === null || !states.timeline) return;
   if (document.activeElement !== field) field.value = frameNumber(frame);
-  time.textContent = `· ${clockText(frame)}`;
+  clock.data = `· ${clockText(frame)}`; // of the same node: a new one would have the page's fields looked through
 }
 
 /** Goes to the frame whose number was typed, or to the nearest one. */
@@ -96,6 +98,7 @@ watch("timeline", (timeline) => {
   const last = frameNumber(timeline.length - 1);
   length.textContent = `/ ${last}`;
   field.style.width = `${last.length + 2}ch`;
+  time.style.width = `${clockText(timeline.length - 1).length + 2}ch`;
   showFrame();
   showChosen();
 });

@@ -24,6 +24,7 @@ export const BARS_SHEET = `
 .tcfit-now, .tcfit-frames { display: flex; align-items: center; gap: 6px; font-variant-numeric: tabular-nums; }
 .tcfit-now input { box-sizing: content-box; height: 22px; padding: 0 3px; border: 1px solid var(--tcfit-edge); border-radius: 4px;
   background: var(--tcfit-field); color: var(--tcfit-text); font: inherit; text-align: right; }
+.tcfit-time { contain: strict; height: 18px; } /* laid out alone, for every frame */
 .tcfit-frames { gap: 0; }
 .tcfit-frames button { gap: 4px; }
 .tcfit-hint { margin-left: 8px; }

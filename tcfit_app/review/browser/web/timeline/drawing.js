@@ -45,7 +45,6 @@ function drawBack() {
 }
 
 function drawFront() {
-  showFrame();
   if (!states.timeline || strip.hidden) return;
   const context = cleared(stripFront);
   const [cursor, range] = [cursorLabel(context), chosenRange()];
@@ -55,6 +54,7 @@ function drawFront() {
   drawRange(context);
   if (cursor) drawCursor(context, cursor);
   drawPointer(context);
+  showFrame(); // last: what is drawn asks for sizes, and the page would have to be laid out for them
 }
 
 /** Number and time in the ruler: where they begin, where the number ends, and where the time does.
