@@ -76,8 +76,9 @@ def weighted_mean(values: Float[np.ndarray, "T K"], weights: Float[np.ndarray, "
 
 
 def _reprojection(*groups: slice) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
-    """The mean in the worst region: over all keypoints, an arm that is off would not show."""
-    judged = {joint for group in groups for joint in range(COUNT)[group]} - {INDEX["neck"]}  # see ERROR_GROUPS
+    """The mean in the worst region: over all keypoints, an arm that is off would not show. Neck and mid hip are the
+    middle of other keypoints, and the body's are elsewhere: off in every frame, they would hide everything else."""
+    judged = {joint for group in groups for joint in range(COUNT)[group]} - {INDEX["neck"], INDEX["mid_hip"]}
     regions = [own for joints in REGIONS.values() if (own := [joint for joint in joints if joint in judged])]
 
     def worst(fit: PosedFit) -> Float[np.ndarray, "T"]:
@@ -191,9 +192,9 @@ CURVES: dict[str, CurveKind] = {
     },
 }
 """By name. Reprojection errors are confidence-weighted means over the counted keypoints of a region (an arm, a hand,
-the face; not the neck), and the largest of these; the mean confidence is over keypoints detected in any frame; the
-temporal residual is the root mean square over joints of what E_T penalises, in the space in which the fit compares
-joints; wrist speeds are relative to the chest.
+the face), and the largest of these; the mean confidence is over keypoints detected in any frame; the temporal residual
+is the root mean square over joints of what E_T penalises, in the space in which the fit compares joints; wrist speeds
+are relative to the chest.
 """
 
 

@@ -137,7 +137,7 @@ def described(clip: Clip) -> list[str]:
 def _keypoints(clip: Clip) -> list[str]:
     seen = (clip.keypoints.confidence > 0).any(1)
     if not seen.any():
-        return ["No keypoints yet: detect or import them in the review"]
+        return ["No keypoints yet: the review finds or imports them"]
     name = clip.found_by.rpartition(" (version ")[0]
     return [f"Keypoints: {name}, in {seen.sum()} of {len(clip)} frames"] if name else []
 

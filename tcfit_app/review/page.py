@@ -304,7 +304,7 @@ class Page:
         if self._start is not None and self.tab.session.project.has_detections:
             self._show_panels(True)
             self._start = None
-            self.tab.show_panel("Fit")
+            self.tab.show_panel("Review" if self.tab.session.jobs else "Fit")
         self._attempt("draw the menus", self._draw_menus, now)
         self._attempt("draw the first steps", lambda: self._steps.show(True), now)
         for panel in panels:

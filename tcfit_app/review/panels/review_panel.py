@@ -9,6 +9,7 @@ import viser
 
 from fitting_core.plugins import faults
 from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
+from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.media import RELINK
@@ -30,6 +31,7 @@ from tcfit_app.review.panels.elements.html import (
     row,
 )
 from tcfit_app.review.panels.elements.selected_frames import unseen
+from tcfit_app.review.panels.fit.fit_texts import progress_in_words
 from tcfit_app.review.panels.notes import Notes
 from tcfit_app.review.panels.who_is_who import WhoIsWho
 
@@ -40,13 +42,13 @@ _CARDS, _FEWER = 5, 3
 _KINDS = {
     "failed": "Failed",
     "swap": "Swapped",
-    "reprojection": "Off",
-    "steady": "Off for a while",
+    "reprojection": "Away from the keypoint",
+    "steady": "Away for many frames",
     "jump": "Jumps",
     "detection": "Detection jumps",
     "depth": "Depth",
     "frozen": "Frozen",
-    "confidence": "Lost",
+    "confidence": "Not detected",
 }
 """Kinds of findings, as users read them."""
 
@@ -96,7 +98,7 @@ class ReviewPanel:
         self._draw_damage()
         self._draw_media()
         self._who_is_who.draw()
-        self._queue.show(*self._entries(), *self._buttons(), *self._approval())
+        self._queue.show(*self._entries(), *self._approval())
         self._notes.draw()
 
     def _here(self, listed: Sequence[Suspect]) -> Suspect | None:
@@ -106,21 +108,21 @@ class ReviewPanel:
         return next((suspect for suspect in around if suspect.frame == frame), next(iter(around), None))
 
     def _entries(self) -> list[Html]:
-        """The heading, and a card for each of the first entries, or a sentence in their place."""
+        """The heading, the buttons, and a card for each of the first entries, or a sentence in their place."""
         tab, shown, found = self._tab, self._tab.shown.b, self._gestures.reviewing.queue
         if shown is None:
             text = "Suspicious places are found once there is a fit."
             return [paragraph(text), row(button("Go to Fit", "review.fit", do=lambda: tab.show_panel("Fit")))]
         if found is None:
-            problem = tab.data.problem("suspects", shown)
-            why = paragraph(f"Suspicious places cannot be found: {problem}", "warn")
-            return [why if problem else paragraph("Looking for suspicious places …", "dim")]
+            return self._missing(shown)
         listed = self._gestures.reviewing.suspects or ()
         here = self._here(listed)
         fewer = _FEWER if tab.someone.others or self._video_problem else _CARDS
         most = _MOST if self._all else fewer
         start = 0 if here is None else max(0, listed.index(here) + 1 - most)
-        parts = [_heading(found), *(self._card(one, here=one is here) for one in listed[start : start + most])]
+        again = tab.session.edit_follower.lags or tab.data.queue(shown) is None
+        cards = (self._card(one, here=one is here) for one in listed[start : start + most])
+        parts = [_heading(found, again=again), *self._buttons(), *cards]
         if kind := tab.state.queue_kind:
             parts.append(paragraph(f"{_KINDS.get(kind, kind)} only: {len(listed)} of {len(found.left)}", "dim"))
         more = len(listed) - most
@@ -129,8 +131,21 @@ class ReviewPanel:
         if len(listed) > fewer:
             label = "Show fewer" if self._all else f"{more} more"
             parts.append(row(button(label, "review.more", do=self._more_or_fewer)))
-        if tab.session.edit_follower.lags or tab.data.queue(shown) is None:
-            parts.append(paragraph("Looking again …", "dim"))
+        return parts
+
+    def _missing(self, shown: Shown) -> list[Html]:
+        """Why a fit has no entries yet, and what leads on."""
+        tab = self._tab
+        job = next((job for job in tab.session.jobs.values() if job.run == shown.run.id), None)
+        if job is not None:
+            text = f"{shown.run.name}: {progress_in_words(job)}. Suspicious places are found when it is done."
+            return [paragraph(text, "dim")]
+        if not (problem := tab.data.problem("suspects", shown)):
+            return [paragraph("Looking for suspicious places …", "dim")]
+        parts = [paragraph(f"Suspicious places cannot be found: {problem}", "warn")]
+        if shown.run.partial and not tab.session.project.read_only:
+            resume = partial(self._gestures.fitting.resume, shown.run)
+            parts.append(row(button("Continue", "review.continue", do=resume)))
         return parts
 
     def _more_or_fewer(self) -> None:
@@ -191,10 +206,10 @@ class ReviewPanel:
         if tab.session.project.read_only:
             return []
         by = reviewing.approved
-        buttons = [self._action("approve", f"Approved by {by}" if by else "Approve clip")]
+        buttons = [self._action("approve", "Withdraw approval" if by else "Approve clip")]
         if tab.in_list:
             buttons.append(self._action("approve_next"))
-        return [heading("Done with this clip?"), row(*buttons)]
+        return [heading(f"Approved by {by}" if by else "Done with this clip?"), row(*buttons)]
 
     def _draw_damage(self) -> None:
         damage, plugins = self._tab.session.project.damage, tuple(fault.text for fault in faults())
@@ -218,10 +233,11 @@ class ReviewPanel:
         return tab.session.project.media.problem or tab.data.video.problem_of(tab.first_frame + tab.state.frame)
 
 
-def _heading(found: ReviewQueue) -> Html:
-    """How many entries are left, and how many were reviewed."""
+def _heading(found: ReviewQueue, *, again: bool) -> Html:
+    """How many entries are left, and how many were reviewed; with `again` newer ones are being looked for."""
     left, reviewed = len(found.left), found.looked_at
-    if not left:
-        return heading(f"All {reviewed} reviewed" if reviewed else "Nothing suspicious", first=True)
     title = f"{left} suspicious place{'s' if left > 1 else ''}"
-    return heading(title, f"{reviewed} of {left + reviewed} reviewed" if reviewed else "", first=True)
+    if not left:
+        title = f"All {reviewed} reviewed" if reviewed else "Nothing suspicious"
+    note = f"{reviewed} of {left + reviewed} reviewed" if left and reviewed else ""
+    return heading(title, "Looking again …" if again else note, first=True)

@@ -90,8 +90,9 @@ def test_one_keypoint_off_counts_by_its_confidence_in_its_region(tiny_body: Body
     np.testing.assert_allclose(values("reprojection", fit), [0, expected, 0], atol=1e-9)
 
 
-def test_the_neck_says_nothing(tiny_body: BodyModel):
-    fit = displaced(fit_of(tiny_body, still_params(2)), slice(None), "neck", (50.0, 0.0))
+@pytest.mark.parametrize("joint", ["neck", "mid_hip"])
+def test_the_middle_of_other_keypoints_says_nothing(tiny_body: BodyModel, joint: str):
+    fit = displaced(fit_of(tiny_body, still_params(2)), slice(None), joint, (50.0, 0.0))
     np.testing.assert_allclose(values("reprojection", fit), 0, atol=1e-9)
 
 

@@ -24,6 +24,7 @@ from tcfit_app.project.glance import glance
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.review.panels.fit.fit_panel import FitPanel
+from tcfit_app.review.panels.review_panel import ReviewPanel
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.drawing_data import DrawingData
 from tests.drivers.lone_page import lone_page
@@ -153,16 +154,21 @@ def test_frames_stay_when_a_fit_is_cancelled_or_tcfit_closed(
 
 
 @needs_fork
+@pytest.mark.parametrize("panel", [FitPanel, ReviewPanel])
 def test_continue_is_pressed_and_the_export_waits_for_it(
-    panel_server: viser.ViserServer, folder: Path, tiny_body: BodyModel, capsys: pytest.CaptureFixture[str]
+    panel: type,
+    panel_server: viser.ViserServer,
+    folder: Path,
+    tiny_body: BodyModel,
+    capsys: pytest.CaptureFixture[str],
 ):
     target = folder.parent / "exports"
     assert main(["export", str(folder), "--formats", "npz", "--out", str(target)]) != 0
     assert "no fit to export" in capsys.readouterr().err and not target.exists()
     with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(tiny_body)) as tested:
-        tested.only(FitPanel)
+        tested.only(panel)
         (run,) = tested.page.tab.session.fits.runs
-        tested.draw()
+        tested.until(lambda: "Continue<" in tested.html())
         tested.click("Continue")
         tested.until(lambda: not tested.page.tab.session.jobs and project.runs.get(run.id).stored)
         assert [(one.id, one.state) for one in project.runs.all()] == [(run.id, "finished")]

@@ -53,7 +53,7 @@ def errors_in_words(metrics: tuple[Metric, ...]) -> str:
     """Of a fit's figures, its errors."""
     values = {metric.name: metric.value for metric in metrics}
     known = [f"{name} {value:.0f} px" for name, of in _ERRORS.items() if (value := values.get(of)) is not None]
-    return f"Error: {', '.join(known)}" if known else ""
+    return f"Median error: {', '.join(known)}" if known else ""
 
 
 def when(time: datetime) -> str:
@@ -71,7 +71,7 @@ def line_below(row: Listed, errors: str, frames: int) -> Html:
         frames: Of the clip.
     """
     if row.job is not None:
-        return words(_progress(row.job), "strong")
+        return words(progress_in_words(row.job), "strong")
     run, said = row.base, []
     if row.unwritten:
         said.append(words("not saved yet", "warn"))
@@ -83,7 +83,8 @@ def line_below(row: Listed, errors: str, frames: int) -> Html:
     return joined(*(part for one in said for part in (text(" · "), one)[one is said[0] :]))
 
 
-def _progress(job: RunningJob) -> str:
+def progress_in_words(job: RunningJob) -> str:
+    """How far a job is: "43 %, about 2 min left"."""
     if not job.started or job.progress is None:
         return "starting" if job.started else "waiting"
     left = time_left(job.progress.remaining)

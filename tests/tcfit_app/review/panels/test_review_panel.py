@@ -11,6 +11,7 @@ from fitting_core.errors import InputError
 from tcfit_app.analysis.body_regions import LIMB_OF
 from tcfit_app.analysis.findings import WHOLE
 from tcfit_app.analysis.suspicion import ReviewQueue
+from tcfit_app.fitting.reports import RunningJob
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.review.browser.page_events import LookAt
 from tcfit_app.review.panels.review_panel import ReviewPanel
@@ -177,6 +178,14 @@ def test_the_last_queue_is_gone_through_while_a_newer_one_is_computed(tested: Lo
     for frame in (2, 4):
         tested.press("action", "next_suspect")
         assert page.tab.state.frame == frame
+
+
+def test_a_fit_in_progress_says_how_far_it_is(tested: LonePage):
+    page = tested.page
+    run = page.tab.session.fits.runs[-1]
+    page.tab.session.jobs[99] = RunningJob(number=99, run=run.id, title="Fit", phases=(3,), started=True)
+    assert ": starting. Suspicious places are found when it is done." in tested.html()
+    del page.tab.session.jobs[99]
 
 
 def test_the_queue_is_filtered_by_kind(tested: LonePage):
