@@ -185,8 +185,12 @@ html.tcfit-drawn::before { left: calc(100% - 342px); content: "Preparing the pan
 html.tcfit-ready::before { display: none; }
 @keyframes tcfit-say { to { color: #868e96; } }
 @keyframes tcfit-lift { to { visibility: hidden; } }
-@media (prefers-color-scheme: dark) { html::before { background: #1a1b1e; } }
-</style>"""
+@media (prefers-color-scheme: dark) { html:not(.tcfit-light)::before { background: #1a1b1e; } }
+html.tcfit-dark::before { background: #1a1b1e; }
+</style><script>{
+  const chosen = /\\btcfit-theme=(dark|light)/.exec(document.cookie);
+  if (chosen) document.documentElement.classList.add(`tcfit-${chosen[1]}`);
+}</script>"""
 """Over viser's own panel, and its theme, until the app's picture and panels are there (the page's `curtain.js`); at the
 latest after 30 seconds: what keeps them away is seen then."""
 

@@ -256,14 +256,6 @@ export interface Beat {
   number: number;
 }
 
-export interface Legend {
-  title: string;
-  unit: string;
-  low: number;
-  high: number;
-  colors: string[];
-}
-
 export interface ShowPanel {
   type: "show_panel";
   panel: string;
@@ -450,7 +442,6 @@ export interface States {
   notice: Notice;
   header: Markup;
   bar: Markup;
-  legend: Legend;
   silhouette: Silhouette;
   beat: Beat;
 }

@@ -3,7 +3,7 @@
 Frames are indices into the clip, from 0. Image pixels: x right, y down.
 """
 
-from typing import Annotated, Literal
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -459,17 +459,6 @@ class Beat(_State, frozen=True, kw_only=True):
     """Number of the beat."""
 
 
-class Legend(_State, frozen=True, kw_only=True):
-    """A colour bar."""
-
-    title: str
-    unit: str
-    low: float
-    high: float
-    colors: tuple[Annotated[str, msgspec.Meta(pattern="^#[0-9a-f]{6}$")], ...]
-    """Evenly from low to high."""
-
-
 class _Request(msgspec.Struct, frozen=True, kw_only=True, tag_field="type"):
     """An action of the page, executed once."""
 
@@ -535,7 +524,6 @@ STATES: dict[str, type[_State]] = {
     "notice": Notice,
     "header": Markup,
     "bar": Markup,
-    "legend": Legend,
     "silhouette": Silhouette,
     "beat": Beat,
 }

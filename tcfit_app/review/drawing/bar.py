@@ -19,11 +19,24 @@ from tcfit_app.review.panels.elements.html import (
     tag,
     text,
 )
+from tcfit_app.review.scene.layers import DISTANCE_LIMIT, color_table, css
 from tcfit_app.review.scene.side_view import DIRECTION_TEXTS
 from tcfit_app.review.tab.state import CLOSE_UPS, CONTROLS, SPEEDS, Mode, Section
 
 _NOW, _FRAMES, _SPRING = (tag("div", "", class_=f"tcfit-{name}") for name in ("now", "frames", "spring"))
 """Where the page draws the frame on show and the selected frames; and what takes the room that is left."""
+_SHADES = ", ".join(css((r, g, b)) for r, g, b in color_table()[:: len(color_table()) // 8].tolist())
+_DISTANCES = tag(
+    "div",
+    joined(
+        tag("span", "0"),
+        tag("i", "", style=f"background: linear-gradient(to right, {_SHADES})"),
+        tag("span", f"{1e3 * DISTANCE_LIMIT:g} mm"),
+    ),
+    class_="tcfit-spring",
+    title="Distance between the two fits",
+)
+"""Instead of the latter: what the colours of a body say."""
 
 
 class Bar:
@@ -42,7 +55,7 @@ class Bar:
             self._speed(),
             self._action("loop", symbol("repeat")),
             _FRAMES,
-            _SPRING,
+            self._distances(),
             self._body(),
             self._keypoints(),
             self._side(),
@@ -71,7 +84,7 @@ class Bar:
     def _speed(self) -> Html:
         tab = self._tab
         speeds: list[Item | None] = [
-            Item(label=f"{speed:g}×", do=partial(tab.set, speed=speed), checked=tab.state.speed == speed or None)
+            Item(label=f"{speed:g}×", do=partial(tab.set, speed=speed), chosen=tab.state.speed == speed)
             for speed in SPEEDS
         ]
         return menu_button(f"{tab.state.speed:g}× ▾", "bar.speed", speeds, hint="Speed")
@@ -119,7 +132,7 @@ class Bar:
                 label=text.capitalize(),
                 do=partial(tab.set, side=True, side_from=name),
                 obstacle=why,
-                checked=(tab.state.side and tab.state.side_from == name) or None,
+                chosen=tab.state.side and tab.state.side_from == name,
             )
             for name, text in DIRECTION_TEXTS.items()
         ]
@@ -132,17 +145,21 @@ class Bar:
         )
         return choice(switch, self._more("side", ways, "From where"))
 
+    def _distances(self) -> Html:
+        state = self._tab.state
+        return _DISTANCES if state.difference and state.bodies else _SPRING
+
     def _comparing(self) -> list[Item | None]:
         tab, state = self._tab, self._tab.state
         beside = Item(
             label="Side by side",
             do=partial(tab.set, mode="ab", wipe=False),
             obstacle=ACTIONS["ab"].obstacle(self._gestures),
-            checked=(state.mode == "ab" and not state.wipe) or None,
+            chosen=state.mode == "ab" and not state.wipe,
         )
         return [
             beside,
-            self._item("wipe", "Divider", checked=(state.mode == "ab" and state.wipe) or None),
+            self._item("wipe", "Divider", chosen=state.mode == "ab" and state.wipe),
             None,
             *self._switches("compare"),
             None,
@@ -163,7 +180,7 @@ class Bar:
                 label=f"Close-up: {title.lower()}",
                 do=partial(show_close_up, tab, part),
                 obstacle=why,
-                checked=tab.state.close_up == part or None,
+                chosen=tab.state.close_up == part,
             )
             for part, title in CLOSE_UPS.items()
         ]

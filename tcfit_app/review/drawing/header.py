@@ -65,7 +65,7 @@ class Header:
         ]
         parts = [self._message(message) for message in shown]
         if more:
-            parts.append(menu_button(f"+{len(more)} ▾", "header.more", more, hint="More messages"))
+            parts.append(menu_button(f"{len(more)} more ▾", "header.more", more, hint="More messages"))
         saved = tag("span", "Saved", class_="tcfit-dim tcfit-saved", title="Every change is saved at once")
         return tag("div", joined(*parts or [saved]), class_="tcfit-status", role="status")
 
@@ -92,7 +92,7 @@ class Header:
         if len(people) < 2:
             return _EMPTY
         items: list[Item | None] = [
-            Item(label=one.name, do=partial(self._tab.go_to, one), checked=one is here or None) for one in people
+            Item(label=one.name, do=partial(self._tab.go_to, one), chosen=one is here) for one in people
         ]
         label = f"{here.name[:1].upper()}{here.name[1:]} of {len(people)} ▾"
         return menu_button(
@@ -109,7 +109,7 @@ class Header:
         )
 
     def _help(self) -> list[Item | None]:
-        theme = Item(label="Light or dark", do=lambda: self._tab.channel.ask(SwitchTheme()))
+        theme = Item(label="Light or dark theme", do=lambda: self._tab.channel.ask(SwitchTheme()))
         return [self._item("help", "Keys"), self._item("first_steps", "First steps"), theme]
 
 

@@ -12,7 +12,6 @@ from tcfit_app.review.browser.page_states import (
     Color,
     FitBody,
     Layout,
-    Legend,
     SidePlate,
     Triple,
     pixel_pairs,
@@ -23,7 +22,7 @@ from tcfit_app.review.browser.page_states import Poster as PosterPlace
 from tcfit_app.review.browser.page_states import Space as SpaceState
 from tcfit_app.review.drawing.frame import Frame, Frames
 from tcfit_app.review.drawing.overlays import draw_overlays
-from tcfit_app.review.scene.layers import DISTANCE_LIMIT, BodyLayer, color_table, css
+from tcfit_app.review.scene.layers import BodyLayer
 from tcfit_app.review.scene.poses import Window
 from tcfit_app.review.scene.poster import PICTURE_NODES, SIDE_NODE, Poster, Posters, SidePoster
 from tcfit_app.review.scene.room import Room
@@ -34,9 +33,6 @@ from tcfit_app.review.tab.on_show import SLOT_COLORS, SLOTS, OnShow
 from tcfit_app.review.tab.state import HELD_BY
 from tcfit_app.review.tab.tab import Tab
 
-_LEGEND_COLORS = 9
-_BELOW = 34.0
-"""CSS pixels below the posters kept free for the colour bar."""
 _OTHERWISE_NAMED = {"nose": "head", "left_big_toe": "left_foot", "right_big_toe": "right_foot"}
 _JOINTS = [
     JOINTS.index(joint) if (joint := _OTHERWISE_NAMED.get(name, name)) in JOINTS else None for name in NAMES[BODY]
@@ -84,10 +80,7 @@ class Picture:
     def _draw_scene(self, frame: Frame) -> None:
         """Show all of a frame, where the page has room for it."""
         tab, snapshot = self._tab, self._snapshot(frame)
-        compared = any(body.values is not None for body in frame.visible.values())
-        tab.channel.send("legend", LEGEND if compared else None)
-        covered = _BELOW if isinstance(snapshot, Posters) and compared else 0.0
-        tab.scene.cameras.follow(tab.size if tab.size[0] else None, covered)
+        tab.scene.cameras.follow(tab.size if tab.size[0] else None)
         tab.scene.show(snapshot)
         if isinstance(snapshot, Posters):
             beside = () if frame.side is None else ((DIRECTION_TEXTS[tab.state.side_from], None),)
@@ -221,13 +214,3 @@ def poster_layout(
     )
     wipe = pictures == 2 and division.arrangement == "wipe"
     return Layout(mode="poster", image=snapshot.camera.size, posters=posters, wipe=wipe)
-
-
-_SHADES = color_table()[np.linspace(0, 255, _LEGEND_COLORS).astype(int)].tolist()
-LEGEND = Legend(
-    title="Distance",
-    unit="mm",
-    low=0.0,
-    high=1e3 * DISTANCE_LIMIT,
-    colors=tuple(css((r, g, b)) for r, g, b in _SHADES),
-)

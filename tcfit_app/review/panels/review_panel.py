@@ -155,7 +155,7 @@ class ReviewPanel:
         where = in_words(suspect.frames, self._tab.first_frame)
         return card(
             capitalized(suspect.reason),
-            f"{where} · {_KINDS.get(suspect.kind, suspect.kind)}",
+            where,
             "review.go",
             suspect.key,
             do=partial(self._gestures.reviewing.show, suspect),
@@ -174,8 +174,10 @@ class ReviewPanel:
         fine = 'Undo "looks fine"' if reviewing.fine else "Looks fine"
         if (entry := reviewing.on_show) is not None:
             return [row(act("fine", fine, hint=reviewing.subject(entry)), following, more)]
-        where = "" if tab.state.frames is None else f", {in_words(tab.state.frames, tab.first_frame)}"
-        return [row(act("fine", f"{fine}{where}")), row(following, more)]
+        if tab.state.frames is None:
+            return [row(act("fine", fine), following, more)]
+        where = in_words(tab.state.frames, tab.first_frame)
+        return [row(act("fine", f"{fine}, {where}")), row(following, more)]
 
     def _more(self) -> list[Item | None]:
         """The menu of what is needed less often."""
@@ -196,7 +198,7 @@ class ReviewPanel:
             }
             items.append(None)
             items += [
-                Item(label=label, do=partial(tab.set, queue_kind=kind), checked=kind == now)
+                Item(label=label, do=partial(tab.set, queue_kind=kind), chosen=kind == now)
                 for kind, label in labels.items()
             ]
         return items

@@ -68,8 +68,6 @@ class Window:
 
     width: float
     height: float
-    covered: float = 0.0
-    """Height at the bottom covered by something else."""
 
 
 def poster_pose(middle: tuple[float, float], scale: float, *, whole: float, canvas: Window) -> Pose:
@@ -147,10 +145,8 @@ def _is_free(target: Float[np.ndarray, "3"], away: Float[np.ndarray, "3"], obsta
 def space_pose(bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
     """Looks at bodies in a bounding box (least and greatest coordinates), from an oblique angle."""
     middle = bounds.mean(0)  # the centre of rotation
-    free = (window.height - window.covered) / window.height
     # A window higher than wide needs a greater distance.
-    distance = _BODY_DISTANCE * math.dist(bounds[0], bounds[1]) / free * max(1.0, window.height / window.width)
-    middle[1] += distance * math.tan(SPACE_FOV / 2) * window.covered / window.height  # bodies above the covered part
+    distance = _BODY_DISTANCE * math.dist(bounds[0], bounds[1]) * max(1.0, window.height / window.width)
     position = middle + np.array(_BODY_FROM) / np.linalg.norm(_BODY_FROM) * distance
     return Pose(
         position=_vector(position),

@@ -54,7 +54,7 @@ class Cameras:
     """
 
     def __init__(self, client: viser.ClientHandle) -> None:
-        self._client, self._covered = client, 0.0
+        self._client = client
         self._scene: Scene | None = None
         self._places: dict[Scene, _Place] = {}
         self._bounds = np.array([[-0.5, -0.5, 3.0], [0.5, 0.9, 4.0]])
@@ -117,15 +117,13 @@ class Cameras:
             place = self._places[self._scene]
             place.moved, place.by_hand, place.part = True, True, None
 
-    def follow(self, canvas: tuple[float, float] | None = None, covered: float | None = None) -> None:
+    def follow(self, canvas: tuple[float, float] | None = None) -> None:
         """Refit the 3D scene to a new window unless the user has moved the camera; posters have their own windows.
 
         Args:
             canvas: Width and height in CSS pixels, if reported by the page; otherwise viser's, in device pixels.
-            covered: CSS pixels at the canvas's bottom covered by something else, if that changes.
         """
         self._canvas = canvas or self._canvas
-        self._covered = self._covered if covered is None else covered
         before, self._window = self._window, self._current_window()
         if self._scene == "space" and self._window != before and not self.moved:
             self._go(self._fitted("space"))
@@ -162,7 +160,7 @@ class Cameras:
     def _current_window(self) -> Window:
         camera = self._client.camera
         width, height = self._canvas or (camera.image_width, camera.image_height)
-        return Window(width=max(width, 1), height=max(height, 1), covered=self._covered)
+        return Window(width=max(width, 1), height=max(height, 1))
 
     def _fitted(self, scene: Scene) -> Pose:
         if scene == "space":

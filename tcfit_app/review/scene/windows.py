@@ -45,7 +45,7 @@ def divide(
     """Windows for posters.
 
     Args:
-        canvas: The available space, except for its covered part.
+        canvas: The available space.
         pictures: One or two.
         width: Of a picture, in image heights.
         side: Width of the side view's plate on the right, in image heights, if any.
@@ -64,7 +64,7 @@ def _divided(canvas: Window, pictures: int, width: float, side: float | None, ar
     rows = pictures if arrangement == "stacked" else 1
     plate = 0.0 if side is None else side
     across = max(canvas.width - _GAP * (columns - 1 + (side is not None)), 1.0)
-    down = max(canvas.height - canvas.covered - _GAP * (rows - 1), 1.0)
+    down = max(canvas.height - _GAP * (rows - 1), 1.0)
     scale = min(across / (columns * width + plate), down / rows) / _MARGIN
     room = (across - plate * scale) / columns, down / rows
     places = [
@@ -72,5 +72,5 @@ def _divided(canvas: Window, pictures: int, width: float, side: float | None, ar
     ] * (pictures if arrangement == "wipe" else 1)
     windows = [(x, y, x + room[0], y + room[1]) for x, y in places]
     if side is not None:
-        windows.append((canvas.width - plate * scale, 0.0, canvas.width, max(canvas.height - canvas.covered, 1.0)))
+        windows.append((canvas.width - plate * scale, 0.0, canvas.width, max(canvas.height, 1.0)))
     return Division(windows=tuple(windows), scale=scale, arrangement=arrangement)

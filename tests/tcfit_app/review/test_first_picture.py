@@ -76,11 +76,15 @@ curtain waits for them for as long as a slow machine takes."""
 WHITE, DARK = "rgb(255, 255, 255)", "rgb(26, 27, 30)"
 
 
-@pytest.mark.parametrize(("scheme", "color"), [("light", WHITE), ("dark", DARK)])
-def test_viser_s_own_panel_is_never_seen(browser: "Browser", tmp_path: Path, scheme: "Scheme", color: str):
+@pytest.mark.parametrize(
+    ("scheme", "chosen", "color"),
+    [("light", "", WHITE), ("dark", "", DARK), ("light", "dark", DARK), ("dark", "light", WHITE)],
+)
+def test_viser_s_own_panel_is_never_seen(browser: "Browser", tmp_path: Path, scheme: "Scheme", chosen: str, color: str):
     sample_project(tmp_path / "walk.tcfit", "first").close()
     with reviewing(tmp_path / "walk.tcfit", browser) as first:
         context = browser.new_context(viewport={"width": 960, "height": 640}, color_scheme=scheme)
+        context.add_cookies([{"name": "tcfit-theme", "value": chosen, "url": first.server.gate.link}])
         tab = context.new_page()
         tab.add_init_script(SEEN)
         tab.goto(first.server.gate.link)

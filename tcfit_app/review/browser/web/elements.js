@@ -23,7 +23,6 @@ box.classList.add("tcfit-stage");
 export const layer = element("div", "tcfit", box);
 export const overlayCanvas = element("canvas", "", layer);
 export const card = element("div", "tcfit-card", layer);
-export const legendBox = element("div", "tcfit-legend", layer);
 export const tooltip = element("div", "tcfit-tooltip", layer);
 export const header = element("header", "tcfit-panel tcfit-header", box);
 export const bar = element("div", "tcfit-panel tcfit-transport", box);
@@ -31,7 +30,7 @@ export const strip = element("div", "tcfit-strip", box);
 export const stripCanvas = element("canvas", "", strip);
 export const stripFront = element("canvas", "", strip); // over the other: what moves while the clip plays
 export const stripTooltip = element("div", "tcfit-tooltip", strip);
-for (const hidden of [card, legendBox, tooltip, header, bar, strip, stripTooltip]) hidden.hidden = true;
+for (const hidden of [card, tooltip, header, bar, strip, stripTooltip]) hidden.hidden = true;
 overlayCanvas.setAttribute("role", "img");
 overlayCanvas.setAttribute("aria-label", "Keypoints and bones over the picture");
 sceneCanvas().setAttribute("role", "img");

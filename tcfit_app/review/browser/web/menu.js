@@ -5,9 +5,9 @@ import { element } from "./elements.js";
 
 /**
  * A line of a menu: what it says, the keys that do the same, and what it does: one of the app's actions, or `run`;
- * `obstacle` says why that cannot be done now. One that has `checked` switches something, and leaves the menu open. One
- * that has `more` opens the menu of these in its place.
- * @typedef {{ label: string, keys?: string, obstacle?: string, checked?: boolean, action?: string,
+ * `obstacle` says why that cannot be done now. One that has `checked` switches something, and leaves the menu open. Of
+ * those that have `chosen` one holds. One that has `more` opens the menu of these in its place.
+ * @typedef {{ label: string, keys?: string, obstacle?: string, checked?: boolean, chosen?: boolean, action?: string,
  *   more?: (MenuItem | null)[], run?: () => void }} MenuItem
  */
 
@@ -110,12 +110,14 @@ export function onRightClick(over, show) {
 
 /** @param {MenuItem} item */
 function lineOf(item) {
-  const { label, keys = "", obstacle, checked, more } = item;
+  const { label, keys = "", obstacle, checked, chosen, more } = item;
   const line = element("button", "");
   line.type = "button";
   line.tabIndex = -1;
-  line.setAttribute("role", checked === undefined ? "menuitem" : "menuitemcheckbox");
-  if (checked !== undefined) line.setAttribute("aria-checked", String(checked));
+  const on = checked ?? chosen;
+  const kind = checked !== undefined ? "checkbox" : "radio";
+  line.setAttribute("role", on === undefined ? "menuitem" : `menuitem${kind}`);
+  if (on !== undefined) line.setAttribute("aria-checked", String(on));
   // Not `disabled`: one that cannot be done now is read to those who do not see it all the same.
   if (obstacle) line.setAttribute("aria-disabled", "true");
   line.title = obstacle ?? "";

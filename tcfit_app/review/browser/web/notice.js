@@ -1,9 +1,9 @@
 // What the app says over the picture: a card, and a colour bar.
 
-/** @import { Legend, Notice } from "./wire" */
+/** @import { Notice } from "./wire" */
 
 import { states, watch } from "./connection.js";
-import { card, element, layer, legendBox } from "./elements.js";
+import { card, element, layer } from "./elements.js";
 import { KIND_COLORS } from "./style.js";
 
 const SAVED = "Saved edits are safe.";
@@ -57,18 +57,4 @@ function progressTrack(progress) {
   const track = element("div", "tcfit-track");
   element("div", "tcfit-bar", track).style.width = `${100 * progress}%`;
   return track;
-}
-
-watch("legend", (legend) => {
-  legendBox.hidden = !legend;
-  if (legend) drawLegend(legend);
-});
-
-/** @param {Legend} legend */
-function drawLegend({ title, unit, low, high, colors }) {
-  const bar = element("div", "");
-  bar.style.background = `linear-gradient(to right, ${colors.join(", ")})`;
-  const [first, last] = [low, high].map((value) => String(Number(value.toPrecision(3))));
-  const texts = [unit ? `${title} [${unit}]` : title, first, last].map((text) => element("span", "", null, text));
-  legendBox.replaceChildren(texts[0], texts[1], bar, texts[2]);
 }

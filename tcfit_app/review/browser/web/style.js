@@ -41,13 +41,6 @@ export const STYLE_SHEET = `
   -webkit-user-select: text; pointer-events: auto; max-height: 40vh; overflow-y: auto; }
 .tcfit-track { margin-top: 16px; height: 4px; border-radius: 2px; background: var(--tcfit-rule); overflow: hidden; }
 .tcfit-bar { height: 100%; background: var(--kind); transition: width 0.2s; }
-.tcfit-legend { position: absolute; right: 14px; bottom: 5px; display: flex; align-items: center; gap: 7px;
-  max-width: calc(100% - 28px); height: 24px; padding: 0 12px; border-radius: 8px; font-size: 13px; white-space: nowrap;
-  background: var(--tcfit-surface); border: 1px solid var(--tcfit-edge);
-  font-variant-numeric: tabular-nums; }
-.tcfit-legend div { flex: 0 1 auto; width: 130px; min-width: 40px; height: 9px; border-radius: 3px; }
-.tcfit-legend span { color: var(--tcfit-dim); }
-.tcfit-legend span:first-child { color: var(--tcfit-text); overflow: hidden; text-overflow: ellipsis; margin-right: 4px; }
 .tcfit-tooltip { position: absolute; left: 0; top: 0; padding: 4px 9px; border-radius: 6px; white-space: pre;
   background: var(--tcfit-surface); border: 1px solid var(--tcfit-edge); font-size: 13px;
   font-variant-numeric: tabular-nums; box-shadow: 0 2px 10px rgba(0, 0, 0, 0.4); }
@@ -92,7 +85,7 @@ export const STYLE_SHEET = `
 .tcfit-menu .tcfit-heading { flex: none; padding: 6px 10px 2px; color: var(--tcfit-dim); font-weight: 600; }
 .tcfit-menu .tcfit-separator { flex: none; height: 1px; margin: 4px 6px; background: var(--tcfit-edge); }
 .tcfit-strip .tcfit-tooltip { z-index: 1; pointer-events: none; }
-.tcfit-menu [hidden], [hidden].tcfit-person, [hidden].tcfit-tooltip, [hidden].tcfit-divider, [hidden].tcfit-card, [hidden].tcfit-legend, [hidden].tcfit-strip { display: none; }
+.tcfit-menu [hidden], [hidden].tcfit-person, [hidden].tcfit-tooltip, [hidden].tcfit-divider, [hidden].tcfit-card, [hidden].tcfit-strip { display: none; }
 `;
 
 export const PANEL_SHEET = `

@@ -173,18 +173,26 @@ class Item:
     """Why it cannot be done now; empty if it can."""
     checked: bool | None = None
     """Of a switch, whether it is on."""
+    chosen: bool | None = None
+    """Of several that exclude each other, whether it is the present one."""
     more: Sequence["Item | None"] = ()
     """Instead of `do`: the submenu."""
 
 
-def action_item(gestures: Gestures, name: str, label: str = "", *, checked: bool | None = None) -> Item:
+def action_item(gestures: Gestures, name: str, label: str = "", *, chosen: bool | None = None) -> Item:
     """A menu's line for one of ACTIONS, as `action` is a button."""
     known = ACTIONS[name]
-    why, control = known.obstacle(gestures), CONTROLS.get(name)
+    why, control, checked = known.obstacle(gestures), CONTROLS.get(name), None
     if control is not None:
         label, checked = label or control.label, not why and bool(getattr(gestures.tab.state, name))
-    keys = next(map(str, known.keys), "")
-    return Item(label=label or known.title, do=lambda: gestures.run(name), keys=keys, obstacle=why, checked=checked)
+    return Item(
+        label=label or known.title,
+        do=lambda: gestures.run(name),
+        keys=next(map(str, known.keys), ""),
+        obstacle=why,
+        checked=checked,
+        chosen=chosen,
+    )
 
 
 def menu_button(
@@ -222,8 +230,7 @@ def _line_of(item: Item | None, command: str, above: str, presses: Presses) -> d
         return None
     value = f"{above}{item.label}"
     made: dict[str, Any] = {"label": item.label, "keys": item.keys, "obstacle": item.obstacle, "value": value}
-    if item.checked is not None:
-        made["checked"] = item.checked
+    made |= {name: on for name in ("checked", "chosen") if (on := getattr(item, name)) is not None}
     if item.more:
         made["more"] = [_line_of(one, command, f"{value}/", presses) for one in item.more]
     elif not item.obstacle:

@@ -80,7 +80,7 @@ def tab(opened: Tab) -> Iterator[Tab]:
     assert opened.complaints == []
 
 
-CLEARED = "notice legend marks suspicions fit provenance range selection menus framing focus beat".split()
+CLEARED = "notice marks suspicions fit provenance range selection menus framing focus beat".split()
 START = {
     "skeleton": states.Skeleton(),
     "style": states.Style(),
@@ -525,12 +525,8 @@ def test_a_clicked_button_does_not_keep_the_space_bar(tab: Tab) -> None:
 
 
 def test_text_stays_text(tab: Tab) -> None:
-    tab.send(
-        notice=states.Notice(title=HTML, text=HTML, kind="error", progress=0.5),
-        legend=states.Legend(title=HTML, unit="mm", low=0, high=50, colors=("#000000", "#ffffff")),
-    )
+    tab.send(notice=states.Notice(title=HTML, text=HTML, kind="error", progress=0.5))
     assert tab.text(".tcfit-card h2") == tab.text(".tcfit-card p") == HTML
-    assert tab.text(".tcfit-legend") == f"{HTML} [mm]050"
     assert tab.page.locator(".tcfit img").count() == 0
     tab.send(notice=None)
     assert not tab.page.locator(".tcfit-card").is_visible()

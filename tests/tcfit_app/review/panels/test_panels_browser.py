@@ -78,7 +78,8 @@ def test_buttons_by_keyboard_keep_the_focus(opened: Reviewing):
 def test_a_menu_opens_below_its_button_and_a_fold_opens(opened: Reviewing):
     tab, page, chosen, boards = opened.page.tab, opened.tab, [], []
     hand = Item(label="Hand shape", more=(Item(label="Fist", do=lambda: chosen.append("fist")),))
-    lines = (Item(label="Grey", obstacle="There is no fit yet."), None, hand)
+    present = Item(label="Present", chosen=True, do=lambda: chosen.append("present"))
+    lines = (Item(label="Grey", obstacle="There is no fit yet."), None, hand, present)
 
     def draw() -> None:
         if not boards:
@@ -98,6 +99,10 @@ def test_a_menu_opens_below_its_button_and_a_fold_opens(opened: Reviewing):
     page.get_by_role("menuitem", name="Hand shape").click()
     page.get_by_role("menuitem", name="Fist").click()
     until(lambda: chosen == ["fist"])
+    page.get_by_role("button", name="More shapes").click()
+    page.get_by_role("menuitemradio", name="Present", checked=True).click()
+    until(lambda: chosen == ["fist", "present"])
+    assert page.get_by_role("menu").count() == 0
     head.press("Enter")
     until(lambda: "tested" not in tab.state.folds)
     tab.do(draw)

@@ -5,7 +5,7 @@ import pytest
 from tcfit_app.review.scene.poses import Rectangle, Window
 from tcfit_app.review.scene.windows import Arrangement, divide
 
-CANVAS = Window(width=1000, height=600, covered=34)
+CANVAS = Window(width=1000, height=566)
 LANDSCAPE, PORTRAIT = 16 / 9, 9 / 16
 
 

@@ -20,7 +20,8 @@ export const BARS_SHEET = `
 :is(.tcfit-header, .tcfit-transport) button > span { display: inline-flex; align-items: center; gap: 5px; }
 :is(.tcfit-header, .tcfit-transport) kbd { display: none; }
 :is(.tcfit-header, .tcfit-transport) svg { flex: none; width: 17px; height: 17px; }
-.tcfit-spring { flex: 1 1 0 !important; }
+.tcfit-spring { display: flex; flex: 1 1 0 !important; align-items: center; justify-content: flex-end; gap: 4px; padding-right: 6px; white-space: nowrap; }
+.tcfit-spring i { flex: 0 1 110px; min-width: 10px; height: 9px; border-radius: 3px; }
 .tcfit-now, .tcfit-frames { display: flex; align-items: center; gap: 6px; font-variant-numeric: tabular-nums; }
 .tcfit-now input { box-sizing: content-box; height: 22px; padding: 0 3px; border: 1px solid var(--tcfit-edge); border-radius: 4px;
   background: var(--tcfit-field); color: var(--tcfit-text); font: inherit; text-align: right; }
