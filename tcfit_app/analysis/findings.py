@@ -146,7 +146,9 @@ def _off(frame: int, joints: list[int], found: np.ndarray, errors: np.ndarray) -
     subject, others = (region, len(joints) - len(same)) if whole else (spoken(worst), len(joints) - 1)
     largest = errors[joints if others else same if whole else worst].max()
     if others:
-        reason = f"{subject} and {others} more are up to {largest:.0f} px from their keypoints"
+        other = next(joint for joint in joints if joint != worst and not (whole and joint in same))
+        also = spoken(other) if others == 1 else f"{others} more"
+        reason = f"{subject} and {also} are up to {largest:.0f} px from their keypoints"
     else:
         reason = f"{subject} is {'up to ' if whole else ''}{largest:.0f} px from its keypoint{'s' if whole else ''}"
     return Finding(frame=frame, score=float(found[worst]), reason=reason, joints=tuple(joints))

@@ -8,6 +8,7 @@ from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, GROUPS, PARTS
 from tcfit_app.exports.table import exports
+from tcfit_app.fitting.fits import passes_of
 from tcfit_app.project.edits.kinds import SWAPPABLE
 from tcfit_app.review.browser.page_states import KeyBinding
 from tcfit_app.review.gestures.correcting import NUDGES, Correcting
@@ -226,6 +227,14 @@ def bodies(g: Gestures) -> None:
         raise InputError("There is no fit yet: fit everything first.")
 
 
+def two_fits(g: Gestures) -> None:
+    """Requires two fits, or one with an earlier pass."""
+    bodies(g)
+    showable = g.tab.session.fits.showable()
+    if len(showable) == 1 and not passes_of(showable[0]):
+        raise InputError("There is only one fit, without an earlier pass: fit again or import another to compare.")
+
+
 def settings(g: Gestures) -> None:
     """Requires valid fit settings."""
     g.fitting.refuse_wrong_settings()
@@ -255,6 +264,7 @@ NEEDS: Mapping[StateNeed, Need] = {
     "others": others,
     "picture": picture,
     "silhouettes": silhouettes,
+    "two_fits": two_fits,
     "writable": writable,
 }
 """What the rows of TabState need."""
@@ -339,12 +349,12 @@ _VIEW: tuple[_Row, ...] = (
             f"Mode: {name}",
             f"Digit{number}",
             lambda g, mode=mode: g.tab.set(mode=mode),
-            () if mode == "edit" else (bodies,),
+            {"edit": (), "ab": (two_fits,), "space": (bodies,)}[mode],
         )
         for number, (mode, name) in enumerate(MODES.items(), 1)
     ),
     *_switches("shown", "body", "compare"),
-    ("wipe", "Compare with a divider, on or off", "w", _wipe, (bodies,)),
+    ("wipe", "Compare with a divider, on or off", "w", _wipe, (two_fits,)),
     ("next_person", "Next person of the clip", "q", _go_to_next_person, (others,)),
     ("fainter", "Less opacity", ",", lambda g: _change_opacity(g.tab, -0.1), (bodies,)),
     ("denser", "More opacity", ".", lambda g: _change_opacity(g.tab, 0.1), (bodies,)),

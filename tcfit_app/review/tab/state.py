@@ -26,7 +26,7 @@ HELD_BY: dict[Part, int] = {
 }
 """What it follows where the group was not detected: a keypoint of the body."""
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
-Need = Literal["bodies", "picture", "silhouettes", "others", "writable", "keypoints"]
+Need = Literal["bodies", "picture", "silhouettes", "others", "two_fits", "writable", "keypoints"]
 """What must hold before a control can be used: a name in `NEEDS` of the gestures."""
 Section = Literal["playing", "shown", "body", "compare", "keyframes"]
 """Where a switch is: in the bar, in one of its menus Body and Compare, or among the keyframes' in a panel."""
@@ -85,7 +85,7 @@ class TabState:
             "body", "Clip to picture", "Bodies clipped to the picture, or faded outside", needs=("bodies", "picture")
         ),
     )
-    blinked: bool = control(False, Switch("compare", "Blink", "Blink: A in B's place", "b", needs=("bodies",)))
+    blinked: bool = control(False, Switch("compare", "Blink", "Blink: A in B's place", "b", needs=("two_fits",)))
     selection: tuple[int, ...] = ()
     """Selected keypoints, the last selected at the end."""
     suggested: bool = False
@@ -123,7 +123,7 @@ class TabState:
     outline: bool = control(False, Switch("body", "Outline", "Outline on or off", "u", needs=("bodies", "picture")))
     others: bool = control(True, Switch("body", "Other people", "The clip's other people on or off", needs=("others",)))
     difference: bool = control(
-        False, Switch("compare", "Colour by distance", "Colour by distance between A and B", "d", needs=("bodies",))
+        False, Switch("compare", "Colour by distance", "Colour by distance between A and B", "d", needs=("two_fits",))
     )
     opacity: float = OPACITY
     """Of bodies."""
@@ -134,7 +134,7 @@ class TabState:
     queue_kind: str = ""
     """Only entries of this kind of the review queue are listed; empty: all."""
     ghost: bool = control(
-        False, Switch("compare", "Other fit as a ghost in 3D", "A as a ghost in 3D, on or off", needs=("bodies",))
+        False, Switch("compare", "Other fit as a ghost in 3D", "A as a ghost in 3D, on or off", needs=("two_fits",))
     )
     settings: FitSettings = field(default_factory=FitSettings)
     folds: frozenset[str] = frozenset()

@@ -86,6 +86,12 @@ def test_a_keypoint_off_comes_first_with_its_name(fine: PosedFit):
     )
 
 
+def test_two_keypoints_off_are_both_named(fine: PosedFit):
+    fit = displaced(displaced(fine, 8, "left_wrist", (0.0, 40.0)), 8, "left_elbow", (0.0, 30.0))
+    (entry,) = queue_of(fit, kinds=["reprojection"])
+    assert entry.reason.startswith("left wrist and left elbow are up to 4")
+
+
 def test_many_keypoints_of_a_hand_are_the_hand(fine: PosedFit):
     hand = list(range(kp.COUNT)[kp.RIGHT_HAND])
     (entry,) = queue_of(displaced(fine, 8, hand[3:12], (0.0, 30.0)), kinds=["reprojection"])

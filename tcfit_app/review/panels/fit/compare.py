@@ -118,11 +118,11 @@ class Compared:
         if reference is None or a.result is None or b.result is None:
             self._against.show()
             return
-        head = heading("Against the reference", f"{reference.name}; {_BETTER}")
+        head = heading("Against the reference", _BETTER)
         one, other = data.reference_metrics(a), data.reference_metrics(b)
         if one is None or other is None:
             problem = data.problem("reference", a) or data.problem("reference", b)
-            self._against.show(head, paragraph(problem or _MEASURING, "warn" if problem else "dim"))
+            self._against.show(*([head, paragraph(problem, "warn")] if problem else []))
             return
         self._against.show(head, _table(compare(one, other)))
 
