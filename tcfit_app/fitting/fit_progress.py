@@ -31,11 +31,6 @@ class Progress:
         self._now, self._end = 0.0, float("nan")
 
     @property
-    def elapsed(self) -> float:
-        """Seconds worked so far, without pauses."""
-        return self._now
-
-    @property
     def remaining(self) -> float | None:
         """Seconds; None while estimates differ. Counts down between estimates."""
         return max(0.0, self._end - self._now) if self._end == self._end else None

@@ -243,8 +243,6 @@ export interface Keys {
 export interface Notice {
   title: string;
   text: string;
-  kind: "error" | "info";
-  progress: number | null;
 }
 
 export interface Markup {

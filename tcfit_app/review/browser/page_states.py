@@ -437,10 +437,7 @@ class Notice(_State, frozen=True, kw_only=True):
     """A card at the centre of the canvas."""
 
     title: str
-    text: str = ""
-    kind: Literal["info", "error"] = "info"
-    progress: float | None = None
-    """0 to 1."""
+    text: str
 
 
 class Markup(_State, frozen=True, kw_only=True):

@@ -18,6 +18,7 @@ from tcfit_app.review.panels.elements.html import (
     symbol,
     tag,
     text,
+    worded,
 )
 from tcfit_app.review.scene.layers import DISTANCE_LIMIT, color_table, css
 from tcfit_app.review.scene.side_view import DIRECTION_TEXTS
@@ -61,11 +62,14 @@ class Bar:
             self._side(),
             self._mode("space", "3D"),
             choice(
-                self._mode("ab", _named("columns-2", "Compare")),
+                self._mode("ab", worded("columns-2", "Compare")),
                 self._more("compare", self._comparing(), "How to compare"),
             ),
             menu_button(
-                joined(_named("zoom-in", "Zoom"), text("▾")), "bar.zoom", self._zooms(), hint="What the picture shows"
+                joined(worded("zoom-in", "Zoom"), text("▾")),
+                "bar.zoom",
+                self._zooms(),
+                hint="What the picture shows",
             ),
         )
 
@@ -108,7 +112,7 @@ class Bar:
 
     def _body(self) -> Html:
         items = [*self._switches("body"), None, self._item("denser"), self._item("fainter")]
-        return choice(self._action("bodies", _named("man", "Body")), self._more("body", items, "How the body is drawn"))
+        return choice(self._action("bodies", worded("man", "Body")), self._more("body", items, "How the body is drawn"))
 
     def _keypoints(self) -> Html:
         tab = self._tab
@@ -121,7 +125,7 @@ class Bar:
             for name in GROUPS
         )
         return choice(
-            self._action("keypoints", _named("chart-dots-3", "Keypoints")),
+            self._action("keypoints", worded("chart-dots-3", "Keypoints")),
             self._more("keypoints", [*groups, None, self._item("all")], "Groups of keypoints"),
         )
 
@@ -140,7 +144,7 @@ class Bar:
         known = held is None or tab.data.level(held) is not None
         switch = self._action(
             "side",
-            _named("layout-sidebar-right", "Side view"),
+            worded("layout-sidebar-right", "Side view"),
             hint="" if known else "Side view on or off; gravity is not known",
         )
         return choice(switch, self._more("side", ways, "From where"))
@@ -188,8 +192,3 @@ class Bar:
         whole = "Whole body" if tab.state.mode == "space" else "Whole picture"
         following = [off] if tab.state.close_up else []
         return [self._item("fit_view", whole), self._item("zoom"), None, *parts, *following]
-
-
-def _named(icon: str, word: str) -> Html:
-    """A word, and the icon that stands for it where there is little room."""
-    return joined(symbol(icon), tag("span", word, class_="tcfit-word"))

@@ -19,6 +19,7 @@ from tcfit_app.review.panels.elements.html import (
     progress_bar,
     symbol,
     tag,
+    worded,
 )
 
 _EMPTY = tag("span", "")
@@ -37,7 +38,7 @@ class Header:
         tab = self._tab
         tab.channel.send("notice", notice(tab))
         self._strip.show(
-            self._action("list", _worded("chevron-left", "All clips")) if tab.in_list else _EMPTY,
+            self._action("list", worded("chevron-left", "All clips")) if tab.in_list else _EMPTY,
             tag("h1", tab.session.project.footage.name),
             self._review(),
             choice(self._action("undo", symbol("arrow-back-up")), self._action("redo", symbol("arrow-forward-up"))),
@@ -111,7 +112,3 @@ class Header:
     def _help(self) -> list[Item | None]:
         theme = Item(label="Light or dark theme", do=lambda: self._tab.channel.ask(SwitchTheme()))
         return [self._item("help", "Keys"), self._item("first_steps", "First steps"), theme]
-
-
-def _worded(icon: str, word: str) -> Html:
-    return joined(symbol(icon), tag("span", word, class_="tcfit-word"))

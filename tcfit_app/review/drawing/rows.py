@@ -94,15 +94,9 @@ class Rows:
         tab.channel.send("rows", states.Rows(rows=rows))
 
     @property
-    def _same(self) -> bool:
-        """Whether A and B are the same fit, which has one line."""
-        a, b = self._tab.shown.a, self._tab.shown.b
-        return a is not None and b is not None and (a.run.id, a.phase) == (b.run.id, b.phase)
-
-    @property
     def _fits(self) -> dict[Slot, Shown]:
         """The fits with lines."""
-        sides: tuple[Slot, ...] = ("b",) if self._same else SLOTS
+        sides: tuple[Slot, ...] = ("b",) if self._tab.shown.same else SLOTS
         return {side: fit for side in sides if (fit := self._tab.shown.fit(side)) is not None}
 
     def _find(self, name: str) -> _Found:
@@ -137,9 +131,9 @@ class Rows:
         return _Found(name=name, levels=self._latest(name, "b", _origin(shown), self._tab.data.levels(name, shown)))
 
     def _between(self, name: str) -> _Found:
-        a, b = self._tab.shown.a, self._tab.shown.b
-        if a is None or b is None or self._same:
-            return _Found(name=name, empty=_SAME if self._same else _MISSING)
+        a, b, same = self._tab.shown.a, self._tab.shown.b, self._tab.shown.same
+        if a is None or b is None or same:
+            return _Found(name=name, empty=_SAME if same else _MISSING)
         curve = self._tab.data.between(a, b)
         found = self._latest(name, "b", (_origin(a), _origin(b)), None if curve is None else (curve,))
         return _Found(name=name, curves=tuple(("", "beside", one) for one in found or ()))

@@ -37,8 +37,8 @@ class Exchanging:
         if (group := someone.group) is None:
             return []
         return [
-            f"{_words(someone.span(entry)).capitalize()} were taken over from {other.name}, but not in exchange. Undo "
-            "that."
+            f"{span_in_words(someone.span(entry)).capitalize()} were taken over from {other.name}, but not in exchange."
+            " Undo that."
             for other, entry in group.half_exchanged(someone.number)
         ]
 
@@ -57,7 +57,7 @@ class Exchanging:
         self._tab.refuse_read_only()
         assert someone.group is not None
         someone.group.settle(doubt)
-        self._tab.say(f"It is {someone.name}: {_words(doubt.span)}")
+        self._tab.say(f"It is {someone.name}: {span_in_words(doubt.span)}")
 
     def exchange(self, other: ReviewedPerson, number: int) -> None:
         """Swap the keypoints of two people from a frame on, in both projects. Raises InputError if they are not both
@@ -95,11 +95,11 @@ class Exchanging:
             mine.group.undo_halves()
             raise
         stay = [
-            f"; {_words((shared.stop, one.stop - 1))} of {one.name} stay, where {another.name} is not"
+            f"; {span_in_words((shared.stop, one.stop - 1))} of {one.name} stay, where {another.name} is not"
             for one, another in ((mine, other), (other, mine))
             if one.stop > shared.stop
         ]
-        where = _words((shared[0], shared[-1]))
+        where = span_in_words((shared[0], shared[-1]))
         self._tab.say(f"{mine.name} and {other.name} exchanged, {where}: fit both again{''.join(stay)}")
 
 
@@ -111,5 +111,6 @@ def _keypoints(someone: ReviewedPerson, numbers: range) -> bytes:
     return packed(np.concatenate([now.xy, confidence[..., None], (now.edited & now.present)[..., None]], -1))
 
 
-def _words(span: Span) -> str:
+def span_in_words(span: Span) -> str:
+    """Video frame numbers with their noun."""
     return in_words(range(span[0], span[1] + 1), 0)

@@ -112,7 +112,7 @@ class ReviewPanel:
         tab, shown, found = self._tab, self._tab.shown.b, self._gestures.reviewing.queue
         if shown is None:
             text = "Suspicious places are found once there is a fit."
-            return [paragraph(text), row(button("Go to Fit", "review.fit", do=lambda: tab.show_panel("Fit")))]
+            return [paragraph(text), row(self._action("panel_fit", "Go to Fit"))]
         if found is None:
             return self._missing(shown)
         listed = self._gestures.reviewing.suspects or ()

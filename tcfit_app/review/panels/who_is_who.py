@@ -3,6 +3,8 @@
 from functools import partial
 
 from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.gestures.edit_words import capitalized
+from tcfit_app.review.gestures.exchanging import span_in_words
 from tcfit_app.review.panels.elements.fold import Fold
 from tcfit_app.review.panels.elements.html import Board, Html, button, paragraph, row
 from tcfit_app.review.tab.people import ReviewedPerson
@@ -44,12 +46,11 @@ class WhoIsWho:
         rows = [paragraph(question, "dim")] if doubts else []
         for i, doubt in enumerate(doubts[:_MOST]):
             first, last = doubt.span
-            where = f"Frame {first}" if first == last else f"Frames {first}–{last}"
             there = number is not None and first <= number <= last
             rows.append(
                 row(
                     button(
-                        where,
+                        capitalized(span_in_words(doubt.span)),
                         "people.go",
                         f"{i}",
                         do=partial(exchanging.go, doubt),

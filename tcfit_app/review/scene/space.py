@@ -202,9 +202,9 @@ class SpaceNodes:
         self._grid.position = (0.0, ground, 0.0)
 
 
-def frustum(camera: Camera, depth: float = FRUSTUM_DEPTH) -> Float[np.ndarray, "4 3"]:
-    """The image's corners at this depth (camera space, metres): left top, right top, right bottom, ..."""
+def frustum(camera: Camera) -> Float[np.ndarray, "4 3"]:
+    """The image's corners at FRUSTUM_DEPTH (camera space, metres): left top, right top, right bottom, ..."""
     width, height = camera.size
     pixels = np.array([(0, 0), (width, 0), (width, height), (0, height)], float)
     rays = (pixels - np.array(camera.center)) / np.array(camera.focal)
-    return np.hstack([rays, np.ones((4, 1))]) * depth
+    return np.hstack([rays, np.ones((4, 1))]) * FRUSTUM_DEPTH

@@ -49,17 +49,22 @@ class OnShow:
         return fit.title_with_pass if other is not None and other.run.id == fit.run.id else fit.title
 
     @property
+    def same(self) -> bool:
+        """Whether A and B are one fit, between which there is no difference."""
+        a, b = self.a, self.b
+        return a is not None and b is not None and (a.run.id, a.phase) == (b.run.id, b.phase)
+
+    @property
     def held(self) -> Shown | None:
         """The fit that determines the camera's tilt and the floor; stays the same when A is shown in B's place."""
         return self.b or self.a
 
-    def body(self, side: Slot, frame: int | None = None) -> FrameBody | None:
-        """The body of A or B in a frame, by default the one on show; None without one."""
-        frame, fit = self.frame if frame is None else frame, self.fit(side)
-        if fit is None or not fit.has(frame):
+    def body(self, side: Slot) -> FrameBody | None:
+        """The body of A or B in the frame on show; None without one."""
+        fit = self.fit(side)
+        if fit is None or not fit.has(self.frame):
             return None
-        live = self.live_a if side == "a" else self.live_b
-        return FrameBody(shown=fit, frame=frame, live=live if frame == self.frame else None)
+        return FrameBody(shown=fit, frame=self.frame, live=self.live_a if side == "a" else self.live_b)
 
     @property
     def live(self) -> LiveWindow | None:

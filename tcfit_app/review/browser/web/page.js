@@ -2,7 +2,7 @@
 
 /** @import { PageRequest } from "./wire" */
 
-import "./bars/header.js";
+import "./bars/bar.js";
 import { connect, receive, states, watch } from "./connection.js";
 import "./keys.js";
 import { copyLink, leave } from "./links.js";

@@ -1,12 +1,5 @@
 // The style sheets of the script's own elements and of the panels' HTML.
 
-export const KIND_COLORS = {
-  info: "var(--tcfit-accent)",
-  busy: "var(--tcfit-accent)",
-  good: "var(--tcfit-checked)",
-  warning: "var(--tcfit-suspicious)",
-  error: "var(--tcfit-bad)",
-};
 /** As viser's own. */
 export const FONT = '-apple-system, BlinkMacSystemFont, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif';
 
@@ -34,13 +27,11 @@ export const STYLE_SHEET = `
 .tcfit-divider:focus-visible::after { box-shadow: 0 0 0 2px #14171c, 0 0 0 5px var(--tcfit-accent); }
 .tcfit-card { position: absolute; left: 50%; top: 50%; transform: translate(-50%, -50%); width: min(460px, 84%);
   padding: 22px 26px; border-radius: 12px; background: var(--tcfit-surface);
-  border: 1px solid var(--tcfit-edge); border-top: 3px solid var(--kind);
+  border: 1px solid var(--tcfit-edge); border-top-width: 3px;
   box-shadow: 0 12px 40px rgba(0, 0, 0, 0.4); }
 .tcfit-card h2 { margin: 0; font-size: 17px; font-weight: 600; line-height: 1.35; color: var(--tcfit-strong); }
 .tcfit-card p { margin: 8px 0 0; white-space: pre-line; overflow-wrap: anywhere; user-select: text;
   -webkit-user-select: text; pointer-events: auto; max-height: 40vh; overflow-y: auto; }
-.tcfit-track { margin-top: 16px; height: 4px; border-radius: 2px; background: var(--tcfit-rule); overflow: hidden; }
-.tcfit-bar { height: 100%; background: var(--kind); transition: width 0.2s; }
 .tcfit-tooltip { position: absolute; left: 0; top: 0; padding: 4px 9px; border-radius: 6px; white-space: pre;
   background: var(--tcfit-surface); border: 1px solid var(--tcfit-edge); font-size: 13px;
   font-variant-numeric: tabular-nums; box-shadow: 0 2px 10px rgba(0, 0, 0, 0.4); }
@@ -51,9 +42,8 @@ export const STYLE_SHEET = `
 .tcfit-strip > canvas + canvas { pointer-events: none; }
 .tcfit-strip button { flex: none; min-width: 24px; height: 20px; padding: 0 6px; border: 1px solid transparent;
   border-radius: 4px; background: transparent; color: var(--tcfit-text); font: 13px/1 ${FONT}; cursor: pointer; }
-.tcfit-strip button:hover:not(:disabled) { background: var(--tcfit-pointed); color: var(--tcfit-strong); }
-.tcfit-strip button:disabled { color: var(--tcfit-off); cursor: default; }
-.tcfit-strip :is(button, input, [tabindex]):focus-visible { outline: 2px solid var(--tcfit-accent); outline-offset: -1px; }
+.tcfit-strip button:hover { background: var(--tcfit-pointed); color: var(--tcfit-strong); }
+.tcfit-strip button:focus-visible { outline: 2px solid var(--tcfit-accent); outline-offset: -1px; }
 .tcfit-strip-title { position: absolute; left: 0; display: grid; grid-template-columns: 1fr 16px; align-content: start; align-items: start; gap: 2px;
   padding: 3px 0 0 8px; overflow: hidden; line-height: 14px; pointer-events: none; }
 .tcfit-strip-title > p { grid-column: 1 / 3; display: flex; flex-wrap: wrap; gap: 0 6px; margin: 0; line-height: 15px; color: var(--tcfit-dim); }
@@ -139,11 +129,11 @@ export const PANEL_SHEET = `
 .tcfit-dim { color: var(--tcfit-dim); } .tcfit-good { color: var(--tcfit-checked); } .tcfit-bad { color: var(--tcfit-bad); }
 .tcfit-warn { color: var(--tcfit-suspicious); } .tcfit-strong { font-weight: 600; }
 .tcfit-badge { margin-right: 6px; padding: 0 4px; border: 2px solid; border-radius: 3px; line-height: 1.1; }
-.tcfit-panel .tcfit-track { background: var(--tcfit-rule); --kind: var(--tcfit-accent); margin: 5px 0 7px; }
+.tcfit-track { height: 4px; margin: 5px 0 7px; border-radius: 2px; background: var(--tcfit-rule); overflow: hidden; }
+.tcfit-bar { height: 100%; background: var(--tcfit-accent); transition: width 0.2s; }
 .tcfit-panel dl { display: grid; grid-template-columns: minmax(74px, auto) 1fr; gap: 2px 6px; margin: 4px 0; font-size: 13px; }
 .tcfit-panel dt { color: var(--tcfit-dim); overflow-wrap: anywhere; } .tcfit-panel dd { margin: 0; overflow-wrap: anywhere; }
 .tcfit-panel ul { margin: 4px 0; padding-left: 14px; font-size: 13px; overflow-wrap: anywhere; }
-.tcfit-panel pre { margin: 0; font-size: 13px; line-height: 1.35; white-space: pre-wrap; overflow-wrap: anywhere; }
 .tcfit-panel button.tcfit-entry { display: block; width: 100%; height: auto; margin: 0 0 5px; padding: 5px 8px; line-height: 1.4; text-align: left; white-space: normal; }
 .tcfit-entry b, .tcfit-panel button.tcfit-entry span { display: block; padding: 0; }
 .tcfit-entry span { color: var(--tcfit-dim); }

@@ -1,5 +1,6 @@
 """The Correct panel: what can be done with the selected keypoints, and the corrections made."""
 
+from datetime import datetime
 from functools import partial
 from typing import ClassVar
 
@@ -7,13 +8,13 @@ import viser
 
 from fitting_core.keypoints import COUNT, PARTS
 from tcfit_app.analysis.body_regions import full_name
+from tcfit_app.project.edits.edit_log import LogEntry, Redo, Remark, Said, Undo
 from tcfit_app.project.edits.kinds import SWAPPABLE
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.actions import Gestures, refusal
 from tcfit_app.review.gestures.correcting_depth import limbs_of
-from tcfit_app.review.gestures.edit_words import capitalized, keypoints_in_words, part_name
+from tcfit_app.review.gestures.edit_words import capitalized, describe, keypoints_in_words, part_name, whose
 from tcfit_app.review.panels.correct.hand_shapes import HandShapes
-from tcfit_app.review.panels.correct.history import history
 from tcfit_app.review.panels.correct.selection import figures, sentence, states
 from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.fold import Fold
@@ -24,17 +25,23 @@ from tcfit_app.review.panels.elements.html import (
     action_item,
     button,
     heading,
+    line,
     menu_button,
+    opener,
     paragraph,
     row,
+    table,
 )
 from tcfit_app.review.panels.elements.selected_frames import unseen
+from tcfit_app.review.tab.tab import Tab
 
 _BY_NAME = "Find by name"
 _HOW = "Click a keypoint and drag it: the fit follows. Shift-drag draws a rectangle."
 _JOINTS = {full_name(joint): joint for joint in range(COUNT)}
 """Keypoints by their names in the dropdown."""
 assert len(_JOINTS) == COUNT
+SHOWN = 12
+"""Number of edits listed."""
 _FOLLOW = "After an edit, its frame and the frames around it are refitted"
 
 
@@ -102,8 +109,7 @@ class CorrectPanel:
         if project.read_only:
             parts.append(paragraph("Opened read-only: nothing can be changed.", "warn"))
         elif project.has_detections and not tab.session.fits.showable():
-            to_fit = button("Go to Fit", "correct.fit", do=lambda: tab.show_panel("Fit"))
-            parts += [paragraph("There is no fit yet."), row(to_fit)]
+            parts += [paragraph("There is no fit yet."), row(self._action("panel_fit", "Go to Fit"))]
         return parts
 
     def _compared(self) -> list[Html]:
@@ -165,3 +171,36 @@ class CorrectPanel:
     def _follow_or_not(self) -> None:
         follower = self._tab.session.edit_follower
         follower.after_edits = not follower.after_edits
+
+
+def history(tab: Tab) -> Html:
+    """The latest edits, newest first; a row leads to its frame, and undone edits are marked."""
+    edits, now = tab.session.project.last_said(SHOWN), datetime.now().astimezone()
+    return table(_edit_line(tab, entry, now) for entry in edits) if edits else paragraph("No corrections yet.", "dim")
+
+
+def _edit_line(tab: Tab, entry: LogEntry, now: datetime) -> Html:
+    edit, done, first = entry.action, tab.session.project.standing.stood(entry.id), tab.first_frame
+    assert not isinstance(edit, Undo | Redo)
+    visit = opener(describe(edit, first), "correct.visit", str(entry.id), partial(_visit, tab, edit))
+    return line(
+        _when(entry.time, now),
+        whose(entry.author, tab.author),
+        visit,
+        whole=(0, 1),
+        kind="" if done else "off",
+        press=visit,
+        hint=f"{'' if done else 'Undone. '}Go to frame {first + edit.frames[0]}",
+    )
+
+
+def _visit(tab: Tab, edit: Said) -> None:
+    tab.pause()
+    tab.seek(edit.frames[0])
+    if not isinstance(edit, Remark):
+        tab.set(selection=edit.joints)
+
+
+def _when(time: datetime, now: datetime) -> str:
+    local = time.astimezone(now.tzinfo)
+    return local.strftime("%H:%M") if local.date() == now.date() else local.strftime("%d %b")

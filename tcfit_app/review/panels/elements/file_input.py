@@ -39,7 +39,6 @@ class FileInput:
         upload: the label and the hint of the upload; None: files are only named.
         more: further fields, for how to read the file.
         hint: the button's.
-        main: whether it is the panel's main button.
     """
 
     def __init__(
@@ -54,11 +53,9 @@ class FileInput:
         upload: TextRow | None = None,
         more: Sequence[TextRow] = (),
         hint: str = "",
-        main: bool = False,
     ) -> None:
         self._tab, self._command, self._take, self._missing = tab, command, take, missing
-        self._label, self._hint, self._kind = button, hint, "main" if main else ""
-        self._path, self._reading, gui = path, None, tab.client.gui
+        self._label, self._hint, self._path, self._reading, gui = button, hint, path, None, tab.client.gui
         self._fields: dict[str, Any] = {
             one.label: gui.add_dropdown(one.label, one.options, hint=one.hint)
             if one.options
@@ -117,9 +114,7 @@ class FileInput:
             handle.visible = on
         if self._path is not None:
             label = "Reading …" if self.busy else self._label
-            own = button(
-                label, self._command, do=self._named, disabled=off, hint=self._hint, kind=self._kind, enter=True
-            )
+            own = button(label, self._command, do=self._named, disabled=off, hint=self._hint, enter=True)
             self._board.show(*([row(own, *others)] if on else []))
         if self._upload is not None:
             self._upload.disabled = off

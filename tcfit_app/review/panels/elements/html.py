@@ -57,6 +57,11 @@ def symbol(name: str) -> Html:
     return Html("".join(map(str.strip, icon(name).splitlines())))
 
 
+def worded(icon: str, word: str) -> Html:
+    """A word around the picture, and the icon that stands for it where there is little room."""
+    return joined(symbol(icon), tag("span", word, class_="tcfit-word"))
+
+
 def button(
     label: object,
     command: str,
@@ -201,7 +206,6 @@ def menu_button(
     items: Sequence[Item | None],
     *,
     name: str = "",
-    disabled: bool = False,
     hint: str = "",
     kind: str = "",
 ) -> Html:
@@ -212,16 +216,15 @@ def menu_button(
         command: as in `button`.
         items: the menu's lines; None draws a line between groups.
         name: of the button and its menu for those who do not see it; empty: the label.
-        disabled: as in `button`.
         hint: as in `button`.
         kind: as in `button`.
     """
     presses: Presses = {}
     content = json.dumps([_line_of(item, command, "", presses) for item in items], ensure_ascii=False)
     attributes = {"data_tcfit": command, "data_menu": content, "title": hint, "aria_label": name}
-    looks = {"class_": f"tcfit-{kind}" if kind else "", "disabled": "disabled" if disabled else ""}
-    made = tag("button", tag("span", label), type="button", aria_haspopup="menu", **attributes, **looks)
-    return Html(made, {} if disabled else presses)
+    look = f"tcfit-{kind}" if kind else ""
+    made = tag("button", tag("span", label), type="button", aria_haspopup="menu", class_=look, **attributes)
+    return Html(made, presses)
 
 
 def _line_of(item: Item | None, command: str, above: str, presses: Presses) -> dict[str, Any] | None:

@@ -88,8 +88,7 @@ class Compared:
         self._choices = self._offered() if on else self._choices
         for dropdown in self._fits:
             dropdown.draw()
-        a, b = tab.shown.a, tab.shown.b
-        same = a is not None and b is not None and (a.run.id, a.phase) == (b.run.id, b.phase)
+        a, b, same = tab.shown.a, tab.shown.b, tab.shown.same
         stop = row(button("Stop comparing", "compare.stop", do=self._stop))
         self._head.show(*([heading("Compared"), stop, *([paragraph(_SAME, "dim")] if same else [])] if on else []))
         if self._fold.draw("Reference", on=on):

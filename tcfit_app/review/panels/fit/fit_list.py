@@ -320,7 +320,6 @@ class ImportedFits:
                 button="Import",
                 missing="Type the path of a result first; expected a folder or a file of one of the programs above.",
                 upload=TextRow("Upload a file", _UPLOAD),
-                main=True,
             )
 
     def open(self) -> None:

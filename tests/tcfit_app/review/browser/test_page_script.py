@@ -525,7 +525,7 @@ def test_a_clicked_button_does_not_keep_the_space_bar(tab: Tab) -> None:
 
 
 def test_text_stays_text(tab: Tab) -> None:
-    tab.send(notice=states.Notice(title=HTML, text=HTML, kind="error", progress=0.5))
+    tab.send(notice=states.Notice(title=HTML, text=HTML))
     assert tab.text(".tcfit-card h2") == tab.text(".tcfit-card p") == HTML
     assert tab.page.locator(".tcfit img").count() == 0
     tab.send(notice=None)
@@ -568,7 +568,7 @@ def test_states_do_not_have_viser_draw_its_scene(tab: Tab) -> None:
 
 def test_a_lost_connection_comes_back_as_the_same_tab(tab: Tab, server: ReviewServer) -> None:
     clients = len(tab.clients)
-    tab.send(notice=states.Notice(title="From before"))
+    tab.send(notice=states.Notice(title="From before", text=""))
     server.viser._websock_server.disconnect_all_clients()
     assert tab.await_event(Hello).width > 0
     tab.settle()

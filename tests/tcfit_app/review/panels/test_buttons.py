@@ -45,9 +45,6 @@ def test_only_lines_of_a_menu_that_are_on_can_be_chosen():
     for value in ('"Left" & right', "Off", "Hand", "Hand/Fist", ""):
         buttons.take(Press("more", value))
     assert taken == ['"Left" & right', "Fist"]
-    buttons.show("a board", html.menu_button("More ▾", "more", lines, disabled=True).presses)
-    buttons.take(Press("more", "Hand/Palm"))
-    assert len(taken) == 2
 
 
 def test_what_a_button_does_is_not_hidden():

@@ -1,5 +1,9 @@
-// HTML that the server makes for what stands around the picture. It is put into place part by part, so that what has
-// not changed stays as it is: with its focus, and with what the page itself has drawn into it.
+// HTML that the server makes for what stands around the picture: all of the header above it, and most of the bar. It is
+// put into place part by part, so that what has not changed stays as it is: with its focus, and with what the page
+// itself has drawn into it.
+
+import { watch } from "../connection.js";
+import { header } from "../elements.js";
 
 /** @type {WeakMap<Element, string>} */
 const sources = new WeakMap();
@@ -29,3 +33,7 @@ function renew(old, wanted) {
   } else old.nodeValue = wanted.nodeValue;
   before.forEach((child, index) => renew(child, after[index]));
 }
+
+watch("header", (state) => {
+  if (state) place(header, state.html);
+});

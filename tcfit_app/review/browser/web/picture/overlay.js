@@ -22,11 +22,11 @@ import {
   chosen, groupColor, groupOf, groupShown, isPicture, isSide, isSpace, jointRadius, marked, placesOf, position, shown,
   shownJoints, skeletonReady, zoomFactor,
 } from "./skeleton.js";
-import { drawSilhouette } from "./silhouette.js";
 
 const GAP = 0.01; // image diagonals beyond which a correction counts as not reached
 const FADED = 0.7; // share of the ground over what lies outside the picture
 const FINE_BONES = 1.3; // CSS pixels: too fine for a rim
+const OUTLINE = 1.6; // CSS pixels, of a silhouette
 const NAME_HEIGHT = 34; // of a fit's name with the room around it, in CSS pixels
 const NAME_ROOM = 260; // CSS pixels for a fit's name, also beyond a narrow picture
 
@@ -79,6 +79,21 @@ function drawOnPoster(context, map, joints) {
   drawPeople(context, map);
   if (known("style").points) drawBones(context, map);
   for (const joint of [...joints].reverse()) drawJoint(context, map, joint); // the body's last, on top
+}
+
+/** What the person covers of the picture, as the detector has it: a dashed outline.
+ * @param {Context} context @param {PosterMap} map */
+function drawSilhouette(context, map) {
+  if (!states.silhouette) return;
+  const outline = new Path2D();
+  for (const line of states.silhouette.lines) {
+    line.forEach((pixel, i) => (i ? outline.lineTo(...toScreen(map, pixel)) : outline.moveTo(...toScreen(map, pixel))));
+    outline.closePath();
+  }
+  stroke(context, outline, "rgba(8, 10, 14, 0.5)", OUTLINE + 1.4);
+  context.setLineDash([6, 4]);
+  stroke(context, outline, COLORS.strong, OUTLINE);
+  context.setLineDash([]);
 }
 
 /** @param {Context} context @param {PosterMap} map */
@@ -305,7 +320,7 @@ function drawFitName(context, { label, color }, right, top, across, beside = { e
 }
 
 addPainter("overlay", drawOverlay);
-watch("framing", () => invalidate("overlay"));
+for (const name of /** @type {const} */ (["framing", "silhouette"])) watch(name, () => invalidate("overlay"));
 
 // viser draws its scene only now and then; right after it, the overlay follows a camera that has moved.
 beforeSceneDrawn(() => {

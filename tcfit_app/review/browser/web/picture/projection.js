@@ -9,9 +9,9 @@ import { sideMiddle } from "./following.js";
 
 /** @typedef {{ left: number, top: number, right: number, bottom: number }} Box in CSS pixels of the canvas */
 /**
- * The affine map (a poster faces the camera) from its image's pixels to CSS pixels, its size in these, its window, and
- * what is seen of that: all but what is across the divider.
- * @typedef {{ ox: number, oy: number, ux: number, uy: number, vx: number, vy: number, width: number, height: number,
+ * Where its image's corner is on the canvas and how large its pixels are (a poster faces the camera), its size, its
+ * window, and what is seen of that: all but what is across the divider.
+ * @typedef {{ ox: number, oy: number, pixel: number, width: number, height: number,
  *   window: Box, seen: Box, poster: Omit<Poster, "kind"> & { kind: Poster["kind"] | "space" } }} PosterMap
  */
 
@@ -29,7 +29,7 @@ export function posterMaps() {
   const canvas = canvasSize();
   if (layout?.mode === "space") {
     const window = { left: 0, top: 0, right: canvas.width, bottom: canvas.height };
-    return [{ ox: 0, oy: 0, ux: 1, uy: 0, vx: 0, vy: 1, ...canvas, window, seen: window, poster: ROOM }];
+    return [{ ox: 0, oy: 0, pixel: 1, ...canvas, window, seen: window, poster: ROOM }];
   }
   if (!layout) return [];
   const matrix = worldToCanvas();
@@ -44,12 +44,11 @@ export function posterMaps() {
   return layout.posters.map((poster, i) => {
     const window = windowOf(poster, canvas);
     const { x: u, y: v } = poster.kind === "side" ? sideMiddle(poster, window, seenFrom) : seenFrom;
-    const pixel = scale / height; // of the image
     const across = poster.width * scale;
     const ox = (window.left + window.right) / 2 - u * scale - across / 2;
     const oy = (window.top + window.bottom) / 2 - v * scale - scale / 2;
     const seen = layout.wipe && poster.kind === "picture" ? besideDivider(window, i) : window;
-    return { ox, oy, ux: pixel, uy: 0, vx: 0, vy: pixel, width: across, height: scale, window, seen, poster };
+    return { ox, oy, pixel: scale / height, width: across, height: scale, window, seen, poster };
   });
 }
 
@@ -79,14 +78,10 @@ export const inBox = ({ left, top, right, bottom }, { x, y }) => x >= left && x 
 export const drawn = { maps: /** @type {PosterMap[]} */ ([]) };
 
 /** @param {PosterMap} map @param {number[]} pixel @returns {[x: number, y: number]} */
-export const toScreen = (map, [x, y]) => [map.ox + map.ux * x + map.vx * y, map.oy + map.uy * x + map.vy * y];
+export const toScreen = ({ ox, oy, pixel }, [x, y]) => [ox + pixel * x, oy + pixel * y];
 
 /** @param {PosterMap} map @param {number} x @param {number} y @returns {[u: number, v: number]} */
-export function toImage(map, x, y) {
-  const [dx, dy] = [x - map.ox, y - map.oy];
-  const area = map.ux * map.vy - map.uy * map.vx;
-  return [(dx * map.vy - dy * map.vx) / area, (dy * map.ux - dx * map.uy) / area];
-}
+export const toImage = ({ ox, oy, pixel }, x, y) => [(x - ox) / pixel, (y - oy) / pixel];
 
 /** @type {{ matrix: Matrix4, width: number, height: number } | null} */
 let lastView = null;

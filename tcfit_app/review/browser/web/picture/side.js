@@ -58,14 +58,14 @@ function drawInDepth(context, map) {
  * @param {Context} context @param {PosterMap} map @param {SidePlate} side */
 function drawRuler(context, map, side) {
   const { left, right, bottom } = plateSeen(map);
-  const metre = side.metre * map.ux; // in CSS pixels
+  const metre = side.metre * map.pixel; // in CSS pixels
   const tick = TICKS.find((length) => length * metre < 0.6 * (right - left)) ?? 0;
   const step = tick * metre;
   if (step < 8) return;
-  const floor = side.floor === null ? Infinity : map.oy + side.floor * map.vy;
+  const floor = side.floor === null ? Infinity : map.oy + side.floor * map.pixel;
   const standing = floor < bottom;
   const y = standing ? floor : bottom - 24;
-  const zero = map.ox + side.zero * map.ux;
+  const zero = map.ox + side.zero * map.pixel;
   const last = standing ? zero + Math.floor((right - 8 - zero) / step) * step : right - 8;
   const first = standing ? left : last - step;
   const lines = new Path2D();
