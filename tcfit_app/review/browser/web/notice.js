@@ -3,7 +3,7 @@
 /** @import { Notice } from "./wire" */
 
 import { states, watch } from "./connection.js";
-import { card, element, layer } from "./elements.js";
+import { card, element } from "./elements.js";
 
 const SAVED = "Saved edits are safe.";
 /** @type {{ [lost: string]: Notice }} */
@@ -38,6 +38,6 @@ function drawCard() {
 
 watch("notice", drawCard);
 watch("lost", (lost) => {
-  layer.classList.toggle("tcfit-lost", Boolean(lost));
+  document.documentElement.classList.toggle("tcfit-lost", Boolean(lost));
   drawCard();
 });

@@ -8,10 +8,10 @@ export const STYLE_SHEET = `
 .tcfit { position: absolute; inset: 0; z-index: 2; pointer-events: none; overflow: hidden; color: var(--tcfit-text);
   font: 13px/1.4 ${FONT}; user-select: none; -webkit-user-select: none; }
 .tcfit-stage { background: var(--tcfit-stage); }
-.tcfit-lost { pointer-events: auto; background: color-mix(in srgb, var(--tcfit-stage) 50%, transparent); }
-.tcfit-lost > canvas { opacity: 0.5; }
-.tcfit-lost ~ .tcfit-strip { pointer-events: none; }
-.tcfit-lost ~ .tcfit-strip::after { content: ""; position: absolute; inset: 0; background: color-mix(in srgb, var(--tcfit-stage) 50%, transparent); }
+.tcfit-lost .tcfit { pointer-events: auto; background: color-mix(in srgb, var(--tcfit-stage) 50%, transparent); }
+.tcfit-lost .tcfit > canvas { opacity: 0.5; }
+.tcfit-lost .tcfit-strip { pointer-events: none; }
+.tcfit-lost .tcfit-strip::after { content: ""; position: absolute; inset: 0; background: color-mix(in srgb, var(--tcfit-stage) 50%, transparent); }
 .tcfit > canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
 .tcfit-divider { position: absolute; left: -9px; top: 0; width: 18px; pointer-events: auto; cursor: col-resize;
   touch-action: none; outline: none; }

@@ -586,6 +586,8 @@ def test_a_server_that_does_not_answer_is_noticed(tab: Tab) -> None:
         tab.post(beat=states.Beat(milliseconds=250))
         tab.page.wait_for_selector(".tcfit-card[role=alert]", state="visible")
         assert "does not answer" in (tab.text(".tcfit-card h2") or "")
+        panel = tab.page.locator(".mantine-Paper-root").first
+        assert panel.evaluate("(panel) => getComputedStyle(panel).opacity") == "0.45"
         tab.await_drag("cancel")
         known = len(tab.received())
     with tab.pressed(start, (40, 0)):

@@ -40,7 +40,7 @@ export const BARS_SHEET = `
 .tcfit-panel ol { margin: 0 0 8px; padding-left: 20px; }
 .tcfit-panel li { margin: 3px 0; }
 .tcfit-panel li kbd { margin-left: 0; padding: 1px 5px; border: 1px solid var(--tcfit-edge); border-radius: 4px; white-space: nowrap; }
-.tcfit-lost ~ :is(.tcfit-header, .tcfit-transport) { pointer-events: none; opacity: 0.5; }
+.tcfit-lost :is(.tcfit-header, .tcfit-transport) { pointer-events: none; opacity: 0.5; }
 @container (max-width: 1200px) { .tcfit-hint, svg:has(+ .tcfit-word) { display: none !important; } }
 @container (max-width: 1000px) {
   .tcfit-time, .tcfit-frames .tcfit-word:not(.tcfit-kept) { display: none; }
