@@ -99,11 +99,13 @@ _WITH = {
 def gap_words(corrected: Corrected, data: DrawingData, body: FrameBody, joints: Sequence[int]) -> str:
     """The largest gap between these keypoints, as far as they were corrected in a body's frame, and the body, in words;
     empty without any."""
-    worst, here, least = ("", 0.0), corrected[body.frame], GAP * float(np.hypot(*body.shown.camera.size))
-    for joint, gap in zip(joints, data.gaps(body, joints).tolist(), strict=True):
-        if here.edited[joint] and not here.bad[joint] and gap > max(worst[1], least):
-            worst = (_gap_words(joint, gap), gap)
-    return worst[0]
+    here, least = corrected[body.frame], GAP * float(np.hypot(*body.shown.camera.size))
+    made = [joint for joint in joints if here.edited[joint] and not here.bad[joint]]
+    if not made:  # the body need not be posed for it
+        return ""
+    gaps = np.nan_to_num(data.gaps(body, made))
+    worst = int(gaps.argmax())
+    return _gap_words(made[worst], float(gaps[worst])) if gaps[worst] > least else ""
 
 
 def _gap_words(joint: int, gap: float) -> str:

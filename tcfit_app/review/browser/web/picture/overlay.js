@@ -278,7 +278,7 @@ function showPointerShape() {
   pointerShape = shape;
 }
 
-/** In their upper right corners: viser's messages come up at the upper left, the legend lies below.
+/** In their upper right corners: viser's messages come up at the upper left.
  * @param {Context} context */
 function drawFitNames(context) {
   context.font = `600 13px ${FONT}`;
