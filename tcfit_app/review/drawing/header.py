@@ -78,9 +78,9 @@ class Header:
             )
         parts = [said]
         if message.progress is not None:
-            parts.append(progress_bar(message.progress))
-        if message.cancel is not None:
-            parts.append(button("Cancel", "header.cancel", message.text.split()[0], do=message.cancel))
+            parts.insert(0, progress_bar(message.progress))
+        if message.cancel is not None:  # first: words that grow would move it under the pointer
+            parts.insert(0, button("Cancel", "header.cancel", message.text.split()[0], do=message.cancel))
         return tag("div", joined(*parts), class_=f"tcfit-message tcfit-{message.kind}")
 
     def _lead(self, message: Message) -> None:

@@ -11,6 +11,7 @@ from tcfit_app.project.edits.edit_log import MarkState
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import Leave
 from tcfit_app.review.gestures.edit_words import capitalized
+from tcfit_app.review.gestures.zooming import follow_selection
 from tcfit_app.review.tab.tab import Tab
 
 
@@ -65,6 +66,7 @@ class Reviewing:
         self._tab.pause()
         self._tab.seek(suspect.frame)
         self._tab.set(selection=suspect.joints, suggested=True)
+        follow_selection(self._tab)
         state = self._tab.state
         if state.frames is None or state.frames_suggested or suspect.frame not in state.frames:
             frames = suspect.frames if len(suspect.frames) > 1 else None

@@ -28,14 +28,30 @@ def zoom_to_selection(tab: Tab) -> None:
     """Zoom to the selected keypoints. Raises InputError if none of them was detected."""
     if tab.state.mode == "space":
         return _zoom_in_space(tab)
-    chosen = tab.session.project.corrected.at((tab.state.frame,), tuple(tab.state.selection))
-    # Undetected keypoints are at (0, 0), and so are copies of them.
-    xy = chosen.xy[(chosen.confidence > 0) | (chosen.edited & chosen.xy.any(-1))]
+    xy = _selected(tab)
     if not len(xy):
         raise InputError(_NONE_THERE)
     low, high = surroundings(xy, tab.session.project.footage.camera.size)
     tab.set(close_up=None)
     tab.scene.zoom_to((*low.tolist(), *high.tolist()))
+
+
+def follow_selection(tab: Tab) -> None:
+    """Centre the selected keypoints if the user has zoomed in, at the same scale."""
+    if (
+        tab.state.mode != "space"
+        and tab.state.close_up is None
+        and tab.scene.cameras.moved
+        and len(xy := _selected(tab))
+    ):
+        tab.scene.centre(xy.mean(0))
+
+
+def _selected(tab: Tab) -> Float[np.ndarray, "n 2"]:
+    """The selected keypoints that are in the frame on show, pixels."""
+    chosen = tab.session.project.corrected.at((tab.state.frame,), tuple(tab.state.selection))
+    # Undetected keypoints are at (0, 0), and so are copies of them.
+    return chosen.xy[(chosen.confidence > 0) | (chosen.edited & chosen.xy.any(-1))]
 
 
 def _zoom_in_space(tab: Tab) -> None:

@@ -9,6 +9,7 @@ from fitting_core.motion import AXES, OWN_WORLD
 from tcfit_app.exports.table import AXES_CHOICES, PROGRAMS, VIEW_CHOICES, VIEW_HINT, Group
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.actions import Gestures, refusal
+from tcfit_app.review.gestures.edit_words import capitalized
 from tcfit_app.review.panels.elements.fold import Fold
 from tcfit_app.review.panels.elements.html import (
     Board,
@@ -64,7 +65,7 @@ class ExportPanel:
         elif fit is not self._tab.shown.b:
             shown.append(paragraph(f"{fit.title}: the last finished fit", "dim"))
         if (selected := self._tab.state.frames) is not None:
-            parts = {"all": "whole clip", "selected": in_words(selected, self._tab.first_frame)}
+            parts = {"all": "Whole clip", "selected": capitalized(in_words(selected, self._tab.first_frame))}
             take = lambda part: exporting.wish(selected=part == "selected")  # noqa: E731
             pressed = lambda part: wishes.selected == (part == "selected")  # noqa: E731
             shown.append(row(choice(*choices("export.frames", parts, take, pressed))))

@@ -106,6 +106,12 @@ class Cameras:
             scale = self._division.scale_of(right - left, bottom - top)
             self._go(self._flat((left + right) / 2, (top + bottom) / 2, scale), moved=True, part=rectangle)
 
+    def centre(self, x: float, y: float) -> None:
+        """In 2D: bring a point of the picture, in the poster world, to the centre of its window, at the same scale."""
+        if self._scene == "posters":
+            pose = self.pose
+            self._go(replace(pose, position=(x, y, pose.position[2]), look_at=(x, y, pose.look_at[2])), moved=True)
+
     def zoom_in_space(self, bounds: Float[np.ndarray, "2 3"], obstacles: Float[np.ndarray, "n 3"]) -> None:
         """In 3D: fit a bounding box (least and greatest coordinates) to the window, from the current direction; from
         another one if the camera would be inside or behind a body with these vertices."""
@@ -243,6 +249,12 @@ class SceneView:
         corners = np.array(pixels, float).reshape(2, 2)
         world = world_of_pixels(corners, self._last.camera.size)
         self.cameras.zoom_to((*world[0].tolist(), *world[1].tolist()))
+
+    def centre(self, pixel: Float[np.ndarray, "2"]) -> None:
+        """In 2D: bring an image pixel to the centre of each picture's window, at the same scale."""
+        if isinstance(self._last, Posters):
+            x, y = world_of_pixels(pixel, self._last.camera.size).tolist()
+            self.cameras.centre(x, y)
 
     def zoom_about_middle(self, pixels: float) -> None:
         """In 2D: fit this fraction of the picture's height and width, around its centre, to each picture's window."""

@@ -209,9 +209,19 @@ def test_after_a_click_the_picture_is_not_covered_until_the_pointer_goes_on(tab:
 
 def test_the_timeline_tells_the_values_at_the_pointer(tab: Tab) -> None:
     came_from = states.Origins(label="run A", texts=("started from a seat", "elsewhere"), which=(0,) * LENGTH)
-    tab.post(marks=states.Marks(bad=((40, 60),), flagged=((50, 50),)), provenance=states.Provenance(fits=(came_from,)))
+    found = states.Suspicion(first=50, last=50, frame=50, key="50", score=4.0, reason="left wrist jumps")
+    tab.post(
+        marks=states.Marks(bad=((40, 60),), flagged=((50, 50),)),
+        provenance=states.Provenance(fits=(came_from,)),
+        suspicions=states.Suspicions(found=(found,)),
+    )
     tab.hover(*strip_place(tab, 50))
-    expected = ["Frame 50  0:01.67", "Error  A 51 px", "run A  started from a seat", "marked bad, flagged"]
+    expected = [
+        "Frame 50  0:01.67",
+        "Error  A 51 px",
+        "run A  started from a seat",
+        "marked bad, left wrist jumps, flagged",
+    ]
     assert tooltip(tab) == expected
 
 

@@ -6,7 +6,9 @@ import pytest
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS
 from tcfit_app.review.gestures.zooming import surroundings, zoom_to_selection
+from tcfit_app.review.scene.scene import Cameras
 from tests.drivers.lone_page import LonePage
+from tests.tcfit_app.review.panels.conftest import suspect
 
 
 def test_only_keypoints_in_the_picture_are_zoomed_to(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
@@ -22,6 +24,20 @@ def test_only_keypoints_in_the_picture_are_zoomed_to(tested: LonePage, monkeypat
     page.tab.set(selection=(absent,))
     with pytest.raises(InputError, match="nothing to zoom to"):
         zoom_to_selection(page.tab)
+
+
+def test_what_is_gone_to_is_brought_into_view_where_the_user_has_zoomed(
+    tested: LonePage, monkeypatch: pytest.MonkeyPatch
+):
+    page, seen = tested.page, []
+    monkeypatch.setattr(page.tab.scene, "centre", seen.append)
+    keypoints = page.tab.session.project.corrected
+    joints = tuple(np.flatnonzero(keypoints.confidence[2])[:2].tolist())
+    page.gestures.reviewing.show(suspect(2, joints=joints))
+    assert not seen, "the whole picture shows it"
+    monkeypatch.setattr(Cameras, "moved", True)
+    page.gestures.reviewing.show(suspect(2, joints=joints))
+    np.testing.assert_allclose(seen, [keypoints.xy[2, list(joints)].mean(0)])
 
 
 @pytest.mark.parametrize("size", [(45, 60), (640, 480), (3840, 2160)])

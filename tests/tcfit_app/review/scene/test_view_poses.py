@@ -143,6 +143,14 @@ def test_a_new_window_is_refitted_unless_the_user_has_zoomed(tab: Tab, view: Cam
     assert not tab.sent and view.moved
 
 
+def test_another_part_is_centred_at_the_same_scale(tab: Tab, view: Cameras):
+    view.zoom_to((-0.1, -0.1, 0.1, 0.1))
+    zoomed = view.pose
+    view.centre(0.3, -0.2)
+    assert view.pose.position == (0.3, -0.2, zoomed.position[2]) and view.pose.height == zoomed.height
+    assert view.moved and view.pose.look_at[:2] == (0.3, -0.2)
+
+
 def test_what_the_browser_reports_is_not_taken_for_the_user(tab: Tab, view: Cameras):
     """A busy browser reports where its camera was before the last command."""
     pose = view.pose

@@ -5,7 +5,7 @@
 
 import { showFrame } from "../bars/bar.js";
 import { addPainter, invalidate, known, states } from "../connection.js";
-import { cleared, placeTooltip, strip, stripCanvas, stripFront, stripTooltip } from "../elements.js";
+import { bar, cleared, placeTooltip, strip, stripCanvas, stripFront, stripTooltip } from "../elements.js";
 import { FONT } from "../style.js";
 import { tones } from "../theme.js";
 import {
@@ -164,7 +164,7 @@ function drawPointer(context) {
   fillBox(context, tones.hair, frameX(frame) - 0.5, ruler.top, 1, overview().top - ruler.top);
   if (pointed.clicked) return;
   stripTooltip.textContent = (found ? [frameTitle(frame), found.mark.text] : frameLines(frame)).join("\n");
-  placeTooltip(stripTooltip, frameX(frame), 0, true);
+  placeTooltip(stripTooltip, frameX(frame), -bar.offsetHeight, true);
 }
 
 /** @param {number} frame */
@@ -189,7 +189,7 @@ function frameLines(frame) {
   }
   for (const { label, texts, which } of states.provenance?.fits ?? [])
     if (which[frame] !== undefined) lines.push(`${label}  ${texts[which[frame]]}`);
-  const marks = marksOf(frame).map(({ text }) => text);
+  const marks = marksOf(frame).map(({ text }) => text.split("\n")[0]); // not what a click on one does
   if (marks.length) lines.push(marks.join(", "));
   const fitted = (states.fit?.spans ?? []).find(({ first, last }) => first <= frame && frame <= last);
   if (fitted) lines.push(`fit: ${RUNNING[fitted.state].text}`);
