@@ -110,7 +110,7 @@ def test_run_frames_and_axes_are_chosen(panel_of: Opener):
     tested.fit()
     assert "export.frames" not in tested.html() and "export.side" not in tested.html()
     tested.page.tab.set(frames=range(2, 5), mode="ab")
-    tested.click("frames 2–4")
+    tested.click("Frames 2–4")
     tested.press("export.side", "a")
     tested.click("y up")
     run = tested.page.tab.session.fits.runs[0]
