@@ -32,13 +32,15 @@ class FocalFrom(StrEnum):
     PHOTOGRAPHS = "photographs"
     """Metadata of the images or the video."""
     ESTIMATED = "estimated"
-    """Estimated from the person's motion in the clip."""
+    """Estimated from the clip, or what is likely of any camera."""
     DIAGONAL = "diagonal"
     """Unknown; the image diagonal is used."""
     PROGRAM = "program"
     """Another program assumed it without saying why: most use one value for all cameras."""
 
 
+SURE_FOCAL = 0.12
+"""Standard deviation of the logarithm of a focal length up to which it counts as known."""
 _KNOWN = (FocalFrom.GIVEN, FocalFrom.FILE, FocalFrom.PHOTOGRAPHS)
 _IN_OLD_WORDS = {
     "not known: assumed": FocalFrom.DIAGONAL,
@@ -80,6 +82,16 @@ class Lens:
     """Principal point of the calibration, pixels."""
     distortion: tuple[float, ...]
     """OpenCV's coefficients: k1, k2, p1, p2, then k3, then k4 to k6, then s1 to s4; COEFFICIENTS of them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vertical:
+    """The vertical of a camera that stands still, estimated from its pictures."""
+
+    up: Vector
+    """Against gravity: a unit vector in camera space."""
+    deviation: float
+    """Standard deviation of its direction, degrees."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,6 +200,10 @@ class Camera:
     focal_from: FocalFrom = FocalFrom.GIVEN
     source: str = "given"
     """The same in words for the user."""
+    focal_deviation: float | None = None
+    """Standard deviation of the logarithm of an estimated focal length; None for all others."""
+    vertical: Vertical | None = None
+    """None if the pictures do not tell it."""
     lens: Lens | None = None
     """What bent the pictures as they were filmed; None for nothing. Keypoints and frames of a clip are straightened."""
     world: World | None = None
@@ -221,8 +237,8 @@ class Camera:
 
     @property
     def calibrated(self) -> bool:
-        """Whether the focal length is known. Estimates are not: half of them are off by a factor of 1.4 or more."""
-        return self.focal_from in _KNOWN
+        """Whether the focal length is known, or estimated to within SURE_FOCAL."""
+        return self.focal_from in _KNOWN or (self.focal_deviation is not None and self.focal_deviation < SURE_FOCAL)
 
 
 def path_of(rotation: Float[np.ndarray, "T 3 3"], translation: Float[np.ndarray, "T 3"]) -> CameraPath:
@@ -251,6 +267,10 @@ def is_possible(camera: Camera) -> bool:
         numbers += [*lens.focal, *lens.center, *lens.distortion]
     if world is not None:
         numbers += [*np.ravel(world.rotation), *world.translation]
+    if camera.vertical is not None:
+        numbers += [*camera.vertical.up, camera.vertical.deviation]
+    if camera.focal_deviation is not None:
+        numbers.append(camera.focal_deviation)
     if path is not None:
         numbers += [*np.ravel(path.rotation), *np.ravel(path.translation)]
     return (
@@ -259,6 +279,7 @@ def is_possible(camera: Camera) -> bool:
         and 0 < min(camera.size) <= max(camera.size) < 1e5
         and (lens is None or len(lens.distortion) in COEFFICIENTS)
         and (world is None or is_rotation(np.array(world.rotation, float)))
+        and (camera.vertical is None or abs(math.hypot(*camera.vertical.up) - 1) < _ROUNDED)
         and (path is None or (len(path.translation) == len(path) and bool(are_rotations(path.to_still).all())))
     )
 

@@ -1,6 +1,6 @@
-"""Unstated facts of a camera: its focal length, read from its files or estimated from the clip; a path's scale."""
+"""Unstated facts of a camera: its focal length and its vertical, from its files or its pictures; a path's scale."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,21 +32,20 @@ def told_by_files(camera: Camera, images: Path | None) -> Camera | None:
     return replace(camera, focal=(focal, focal), focal_from=FocalFrom.PHOTOGRAPHS, source=source)
 
 
-def estimated(camera: Camera, keypoints: Keypoints, frame_rate: float) -> Camera:
-    """The camera with the likeliest focal length given the keypoints; unchanged if they do not determine it.
+def from_pictures(
+    camera: Camera,
+    keypoints: Keypoints,
+    frame_rate: float,
+    video: Path | None,
+    frames: Sequence[int],
+    *,
+    estimate: bool,
+) -> Camera:
+    """The camera with what its pictures tell; arguments as of `camera_from_pictures`, and keypoints as filmed."""
+    from fitting_core.ground.from_pictures import camera_from_pictures  # loads torch
 
-    Args:
-        camera: With the image's diagonal as its focal length.
-        keypoints: Of the whole clip.
-        frame_rate: Frames per second.
-    """
-    from fitting_core.lifting.focal_length import estimate_focal  # loads torch
-
-    found = estimate_focal(keypoints.xy, keypoints.confidence, camera, frame_rate)
-    if found is None:
-        return camera
-    source = f"estimated from the clip, with 80 % confidence between {found.low:.0f} and {found.high:.0f} px"
-    return replace(camera, focal=(found.focal, found.focal), focal_from=FocalFrom.ESTIMATED, source=source)
+    straight, _ = straightened_keypoints(keypoints, camera.lens)
+    return camera_from_pictures(camera, straight, frame_rate, video, frames, estimate=estimate)
 
 
 def scale_by(keypoints: Keypoints, frame_rate: float) -> Callable[[Camera], PathScale | None]:

@@ -9,7 +9,7 @@ import numpy as np
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.clips.camera import CameraGiven
-from fitting_core.clips.camera_rule import estimated, scale_by, told_by_files
+from fitting_core.clips.camera_rule import from_pictures, scale_by, told_by_files
 from fitting_core.clips.footage import Footage, check_memory, guessed_size, locate
 from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.detect.detecting import Detected
@@ -56,11 +56,13 @@ class Shot:
         return self.frames.frame_rate
 
     def camera(self, keypoints: Keypoints) -> tuple[Camera, tuple[str, ...]]:
-        """The camera, with focal length and scale estimated from these keypoints if not known otherwise, and notes."""
+        """The camera, with focal length, vertical and scale estimated if not known otherwise, and notes."""
         seen, notes = self.given.camera(self.size, self.frames, scale_by(keypoints, self.frame_rate))
-        if self.given.automatic:
-            seen = told_by_files(seen, self.images) or estimated(seen, keypoints, self.frame_rate)
-        return seen, notes
+        told = told_by_files(seen, self.images) if self.given.automatic else seen
+        frames = self.frames.numbers
+        estimate = told is None
+        found = from_pictures(told or seen, keypoints, self.frame_rate, self.images, frames, estimate=estimate)
+        return found, notes
 
     def clip(
         self,

@@ -144,10 +144,12 @@ def _direction(lifted: LiftedClip, camera: Camera) -> tuple[Float[np.ndarray, "3
 
 
 def told_gravity(camera: Camera) -> Gravity | None:
-    """Gravity from the camera's pose in the user's world; None if its up axis is not known."""
-    if camera.world is None or camera.world.up_in_camera is None:
-        return None
-    return Gravity(up=camera.world.up_in_camera, deviation=_OF_CALIBRATION)
+    """Gravity from the camera's pose in the user's world, or from what its pictures show; None if neither tells it."""
+    if camera.world is not None and camera.world.up_in_camera is not None:
+        return Gravity(up=camera.world.up_in_camera, deviation=_OF_CALIBRATION)
+    if camera.vertical is not None:
+        return Gravity(up=np.array(camera.vertical.up), deviation=camera.vertical.deviation)
+    return None
 
 
 def with_trunk(gravity: Gravity, trunk: Float[np.ndarray, "T 3"]) -> Gravity:

@@ -4,6 +4,9 @@
 |---|---|---|
 | camera_focal, camera_center, image_size | (2,), (2,), (2,) | pixels, of straightened pictures |
 | camera_focal_from, camera_source | (), () | where the focal length comes from: a `FocalFrom`, and in words |
+| camera_focal_deviation | () | only of an estimated focal length: standard deviation of its logarithm |
+| vertical_up, vertical_deviation | (3,), () | only where the pictures tell it: against gravity, a unit vector in camera \
+space, and its standard deviation in degrees |
 | lens_focal, lens_center, lens_distortion | (2,), (2,), (n,) | only of a lens that bends: its calibration |
 | world_rotation, world_translation, world_up | (3, 3), (3,), () | only where it is known where the camera stands: \
 x_camera = world_rotation @ x_world + world_translation, metres; up is an axis such as z, or empty |
@@ -16,7 +19,17 @@ from typing import Any, get_args
 
 import numpy as np
 
-from fitting_core.camera import Camera, CameraPath, FocalFrom, Lens, World, focal_from_words, is_possible, path_of
+from fitting_core.camera import (
+    Camera,
+    CameraPath,
+    FocalFrom,
+    Lens,
+    Vertical,
+    World,
+    focal_from_words,
+    is_possible,
+    path_of,
+)
 from fitting_core.config.choices import Up
 
 
@@ -29,6 +42,10 @@ def camera_arrays(camera: Camera) -> dict[str, np.ndarray]:
         "camera_source": camera.source,
         "image_size": camera.size,
     }
+    if camera.focal_deviation is not None:
+        found["camera_focal_deviation"] = camera.focal_deviation
+    if (vertical := camera.vertical) is not None:
+        found |= {"vertical_up": vertical.up, "vertical_deviation": vertical.deviation}
     if (lens := camera.lens) is not None:
         found |= {"lens_focal": lens.focal, "lens_center": lens.center, "lens_distortion": lens.distortion}
     if (world := camera.world) is not None:
@@ -55,6 +72,8 @@ def camera_from(arrays: dict[str, np.ndarray]) -> Camera:
         size=(width, height),
         focal_from=focal_from_arrays(arrays),
         source=str(arrays["camera_source"]),
+        focal_deviation=float(arrays["camera_focal_deviation"]) if "camera_focal_deviation" in arrays else None,
+        vertical=_vertical(arrays) if "vertical_up" in arrays else None,
         lens=_lens(arrays) if "lens_focal" in arrays else None,
         world=_world(arrays) if "world_rotation" in arrays else None,
         path=_path(arrays) if "path_rotation" in arrays else None,
@@ -69,6 +88,11 @@ def focal_from_arrays(arrays: dict[str, np.ndarray]) -> FocalFrom:
     if "camera_focal_from" in arrays:
         return FocalFrom(str(arrays["camera_focal_from"]))
     return focal_from_words(str(arrays.get("camera_source", "")))
+
+
+def _vertical(arrays: dict[str, np.ndarray]) -> Vertical:
+    x, y, z = arrays["vertical_up"].tolist()
+    return Vertical(up=(x, y, z), deviation=float(arrays["vertical_deviation"]))
 
 
 def _lens(arrays: dict[str, np.ndarray]) -> Lens:

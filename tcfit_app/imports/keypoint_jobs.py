@@ -126,7 +126,7 @@ class Detect:
         raise AssertionError("a detection ends with what it found")
 
     def _chosen(self, found: "Detected", clip: Clip) -> FoundKeypoints:
-        from fitting_core.clips.camera_rule import estimated
+        from fitting_core.clips.camera_rule import from_pictures
         from fitting_core.detect.found import found_detections, silhouettes_of, with_somebody
         from fitting_core.lens import straightened_keypoints
         from fitting_core.people.person import choose_person
@@ -145,7 +145,7 @@ class Detect:
             notes=(*detections.notes, *([choice.note] if choice.note else []), *of_lens),
             detector=found.points,
             silhouettes=silhouettes_of(found, choice.entries),
-            camera=estimated(clip.camera, keypoints, clip.frame_rate) if guessed else None,
+            camera=from_pictures(clip.camera, keypoints, clip.frame_rate, clip.source, frames, estimate=guessed),
         )
 
     def _seen(self, found: "Detected") -> tuple[int, int] | None:
