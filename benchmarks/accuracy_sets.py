@@ -16,13 +16,12 @@ from fitting_core import metrics
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
-from fitting_core.camera import focal_from_35mm
+from fitting_core.camera import Camera, focal_from_35mm
 from fitting_core.clip import Clip
 from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.clips.reading import read_clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.fitting import fit_clip
-from fitting_core.lifting.focal_length import estimate_focal
 from fitting_core.measure.limbs import HIPS, Limbs, limb_figures, limb_pa_mpjpe
 from fitting_core.measure.pairing import LIMB_JOINTS
 from fitting_core.measure.references.points import read_points
@@ -82,11 +81,11 @@ def _of_limbs(found: Limbs, true: Limbs) -> Figures:
     return {"PA-MPJPE mm": float(np.nanmean(limb_pa_mpjpe(found, true)))} | own
 
 
-def _of_focal(clip: Clip, true: float) -> Figures:
-    """How far off the estimated focal length is, and whether the right one lies outside its bounds."""
-    estimate = estimate_focal(clip.keypoints.xy, clip.keypoints.confidence, clip.camera, clip.frame_rate)
-    off = {"ln f off": abs(float(np.log(clip.camera.focal[0] / true)))}
-    return off if estimate is None else off | {"f outside": float(not estimate.low <= true <= estimate.high)}
+def _of_focal(camera: Camera, true: float) -> Figures:
+    """How far off the estimated focal length is, and whether the right one lies outside its bounds of 80 %."""
+    off = abs(float(np.log(camera.focal[0] / true)))
+    assert camera.focal_deviation is not None
+    return {"ln f off": off, "f outside": float(off > 1.2816 * camera.focal_deviation)}
 
 
 def _smooth(variant: Variant, params: BodyParams) -> Figures:
@@ -105,7 +104,7 @@ def phone(variant: Variant, name: str) -> Rows:
         true, others = _in_time(found, clip, reference)
         rows[f"{name}, {focal}"] = _of_limbs(found, true) | _smooth(variant, params)
         if focal == "auto":
-            rows[f"{name}, {focal}"] |= _of_focal(clip, focal_from_35mm(PHONE_MM, clip.camera.size))
+            rows[f"{name}, {focal}"] |= _of_focal(clip.camera, focal_from_35mm(PHONE_MM, clip.camera.size))
         rows[f"{name}, {focal}"]["s"] = seconds
         rows |= {f"{name}, {system}": _of_limbs(points, true) for system, points in others.items()}
     return rows
@@ -153,7 +152,7 @@ def balancing(variant: Variant, camera: str) -> Rows:
             own = _of_limbs(found, true) | {"MPJPE mm": float(metrics.mpjpe(found, true, HIPS).mean())}
             own |= _smooth(variant, params)
             if focal == "auto":
-                own |= _of_focal(sample.clip, read(camera).clip.camera.focal[0])
+                own |= _of_focal(sample.clip.camera, read(camera).clip.camera.focal[0])
             rows[f"{camera}, {keypoints}, {focal} focal length"] = own | {"s": seconds}
     return rows
 

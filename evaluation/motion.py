@@ -22,12 +22,12 @@ from evaluation.synthetic.motion_suite.depth_figures import (
     titled,
 )
 from fitting_core.body.points.positions import joints_in_space
-from fitting_core.clips.camera_rule import estimated
 from fitting_core.config.schema import DEFAULT_PRESET, FitConfig, without_collisions
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused import ready
+from fitting_core.ground.from_pictures import camera_from_pictures
 from fitting_core.io.result_files import read_fit
 from fitting_core.measure.records import PHASE_1
 from tcfit_app.options.fit import MethodOptions, fit_config
@@ -40,7 +40,7 @@ class MotionTask:
 
     sequence: str
     focal: str
-    """The focal length that the fit is given: "true", "default", or "auto" for an estimate from the keypoints."""
+    """The focal length that the fit is given: "true", "default", or "auto" for what is typical of cameras."""
     variant: str
     """Name of the way of fitting; its records are named after it."""
     config: FitConfig
@@ -85,8 +85,9 @@ def _made(task: MotionTask) -> MotionClipMade:
     if task.focal != "auto":
         return make_motion(sequence, focal=task.focal)
     made = make_motion(sequence, focal="default")
-    camera = estimated(made.clip.camera, made.clip.keypoints, made.clip.frame_rate)
-    return replace(made, clip=replace(made.clip, camera=camera))
+    clip = made.clip
+    camera = camera_from_pictures(clip.camera, clip.keypoints, clip.frame_rate, None, (), estimate=True)
+    return replace(made, clip=replace(clip, camera=camera))
 
 
 def write_records(path: Path, records: Sequence[DepthRecord], settings: dict[str, str]) -> None:

@@ -88,7 +88,7 @@ def test_an_installed_wheel_finds_its_data_and_takes_no_other_names(wheel: Path,
     code = """
 from fitting_core import shipped
 from fitting_core.body.files.registry import find_body
-for path in (find_body(), shipped.DEMO_FOLDER / "video.mp4", shipped.LIFTER, shipped.PERSPECTIVE, shipped.POSE_PRIOR):
+for path in (find_body(), shipped.DEMO_FOLDER / "video.mp4", shipped.LIFTER, shipped.POSE_PRIOR):
     assert path.is_file()
     print(path)
 """
@@ -97,4 +97,4 @@ for path in (find_body(), shipped.DEMO_FOLDER / "video.mp4", shipped.LIFTER, shi
     run = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     places = [Path(line) for line in run.stdout.splitlines()]
-    assert len(places) == 5 and all(target / "fitting_core" / "assets" in path.parents for path in places)
+    assert len(places) == 4 and all(target / "fitting_core" / "assets" in path.parents for path in places)

@@ -1,6 +1,6 @@
-"""Unstated facts of a camera: its focal length and its vertical, from its files or its pictures; a path's scale."""
+"""Unstated facts of a camera: its focal length, read from its files; a path's scale."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,22 +30,6 @@ def told_by_files(camera: Camera, images: Path | None) -> Camera | None:
     focal = focal_from_35mm(millimetres, camera.size)
     source = f"35 mm equivalent of {millimetres:g} mm, {who}"
     return replace(camera, focal=(focal, focal), focal_from=FocalFrom.PHOTOGRAPHS, source=source)
-
-
-def from_pictures(
-    camera: Camera,
-    keypoints: Keypoints,
-    frame_rate: float,
-    video: Path | None,
-    frames: Sequence[int],
-    *,
-    estimate: bool,
-) -> Camera:
-    """The camera with what its pictures tell; arguments as of `camera_from_pictures`, and keypoints as filmed."""
-    from fitting_core.ground.from_pictures import camera_from_pictures  # loads torch
-
-    straight, _ = straightened_keypoints(keypoints, camera.lens)
-    return camera_from_pictures(camera, straight, frame_rate, video, frames, estimate=estimate)
 
 
 def scale_by(keypoints: Keypoints, frame_rate: float) -> Callable[[Camera], PathScale | None]:

@@ -9,7 +9,7 @@ import numpy as np
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.clips.camera import CameraGiven
-from fitting_core.clips.camera_rule import from_pictures, scale_by, told_by_files
+from fitting_core.clips.camera_rule import scale_by, told_by_files
 from fitting_core.clips.footage import Footage, check_memory, guessed_size, locate
 from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.detect.detecting import Detected
@@ -57,11 +57,13 @@ class Shot:
 
     def camera(self, keypoints: Keypoints) -> tuple[Camera, tuple[str, ...]]:
         """The camera, with focal length, vertical and scale estimated if not known otherwise, and notes."""
+        from fitting_core.ground.from_pictures import camera_from_pictures  # loads torch
+
         seen, notes = self.given.camera(self.size, self.frames, scale_by(keypoints, self.frame_rate))
         told = told_by_files(seen, self.images) if self.given.automatic else seen
-        frames = self.frames.numbers
-        estimate = told is None
-        found = from_pictures(told or seen, keypoints, self.frame_rate, self.images, frames, estimate=estimate)
+        straight, _ = straightened_keypoints(keypoints, seen.lens)
+        video, frames = self.images, self.frames.numbers
+        found = camera_from_pictures(told or seen, straight, self.frame_rate, video, frames, estimate=told is None)
         return found, notes
 
     def clip(

@@ -14,7 +14,6 @@ from fitting_core.ground.gravity import gravity_before_fit, rolled_views
 from fitting_core.ground.lines import POSSIBLE_FOCALS, LineEvidence, edge_lengths, edges_of, line_evidence
 from fitting_core.image_border import seen_confidence
 from fitting_core.keypoints import Keypoints
-from fitting_core.lens import straightened
 from fitting_core.lifting.clip_lifting import lift
 from fitting_core.video.frames import FrameSource
 
@@ -23,10 +22,14 @@ _USUAL_MM, _SPREAD = 32.0, 0.25
 crops a little; cameras are longer. The mean error over 16 real clips is 0.15."""
 _LEAST_SPREAD = 0.06
 """Of an estimate's logarithm: 19 of 23 held-out photographs were nearer than this."""
+_BY_EDGES = 0.2
+"""Standard deviation up to which edges, and not the prior, are said to tell the focal length."""
 _LEAST_DEVIATION, _MOST_DEVIATION = 1.0, 3.0
 """Degrees: of a vertical from edges at least, and above which it is not used."""
 _PICTURES = 15
 """Frames whose median is taken: people who move vanish from it."""
+_LARGEST = 1280
+"""Pixels of the longer side of a picture in which edges are detected."""
 _MOVED = 0.5
 """Length of the median picture's edges over that of single frames below which the camera moved."""
 _ONE_IN_TEN = 1.2816
@@ -54,21 +57,22 @@ def camera_from_pictures(
         frames: Numbers of the clip's frames in it.
         estimate: Whether the focal length is estimated; otherwise the camera's own holds.
     """
-    usual = focal_from_35mm(_USUAL_MM, camera.size)
-    found = replace(camera, focal=(usual, usual)) if estimate else camera
-    edges = None
     told = camera.world is not None and camera.world.up is not None
-    if video is not None and camera.path is None and not (told and not estimate) and (keypoints.confidence > 0).any():
+    edges = None
+    if video is not None and camera.path is None and (estimate or not told) and (keypoints.confidence > 0).any():
         edges = _still_edges(video, frames, camera)
-    evidence = None
+    usual = _estimated(camera, float(np.log(focal_from_35mm(_USUAL_MM, camera.size))), _SPREAD) if estimate else camera
+    found = usual
     for _ in range(_ROUNDS if estimate else 1):
         evidence = None if edges is None else _evidence(edges, found, keypoints, frame_rate, free=estimate)
-        if evidence is None or not estimate:
-            break
-        found = _with_focal(found, evidence, usual)
-    if estimate:
-        found = _described(found if evidence is not None else replace(found, focal_deviation=_SPREAD))
-    return found if evidence is None or told else _with_vertical(found, evidence)
+        if evidence is None:
+            return usual
+        share = _posterior(evidence, usual)
+        if estimate:
+            log = np.log(evidence.focals)
+            mean = float(share @ log)
+            found = _estimated(camera, mean, float(np.hypot(np.sqrt(share @ (log - mean) ** 2), _LEAST_SPREAD)))
+    return found if told else _with_vertical(found, evidence, share)
 
 
 def _evidence(
@@ -83,59 +87,52 @@ def _evidence(
     return line_evidence(edges, focals, camera.center, gravity)
 
 
-def _with_focal(camera: Camera, evidence: LineEvidence, usual: float) -> Camera:
-    """With the mean of the logarithm over the posterior, and its deviation."""
-    log = np.log(evidence.focals)
-    posterior = evidence.log_likelihood - 0.5 * ((log - np.log(usual)) / _SPREAD) ** 2
-    share = np.exp(posterior - posterior.max())
-    share /= share.sum()
-    mean = float(share @ log)
-    deviation = float(np.hypot(np.sqrt(share @ (log - mean) ** 2), _LEAST_SPREAD))
-    focal = float(np.exp(mean))
-    return replace(camera, focal=(focal, focal), focal_deviation=deviation, focal_from=FocalFrom.ESTIMATED)
+def _posterior(evidence: LineEvidence, usual: Camera) -> Float[np.ndarray, "F"]:
+    """Probabilities of the evidence's focal lengths: the edges' likelihood times the prior."""
+    prior = -0.5 * (np.log(evidence.focals / usual.focal[0]) / _SPREAD) ** 2
+    share = np.exp(evidence.log_likelihood + prior - (evidence.log_likelihood + prior).max())
+    return share / share.sum()
 
 
-def _described(camera: Camera) -> Camera:
-    focal, deviation = camera.focal[0], camera.focal_deviation or _SPREAD
-    low, high = (focal * np.exp(way * _ONE_IN_TEN * deviation) for way in (-1, 1))
-    by_lines = deviation < 0.8 * _SPREAD
-    what = (
-        "estimated from straight lines in the video" if by_lines else f"assumed: {_USUAL_MM:g} mm, as usual of phones"
-    )
+def _estimated(camera: Camera, log_focal: float, deviation: float) -> Camera:
+    """With an estimated focal length, from its logarithm and the standard deviation of that."""
+    focal, low, high = (float(np.exp(log_focal + way * _ONE_IN_TEN * deviation)) for way in (0, -1, 1))
+    what = f"35 mm equivalent of {_USUAL_MM:g} mm, typical of phones and cameras"
+    if deviation < _BY_EDGES:
+        what = "estimated from straight lines in the picture"
     source = f"{what}, with 80 % confidence between {low:.0f} and {high:.0f} px"
-    return replace(camera, focal_from=FocalFrom.ESTIMATED, source=source)
+    by = FocalFrom.ESTIMATED
+    return replace(camera, focal=(focal, focal), focal_deviation=deviation, focal_from=by, source=source)
 
 
-def _with_vertical(camera: Camera, evidence: LineEvidence) -> Camera:
-    nearest = int(np.argmin(np.abs(np.log(evidence.focals / camera.focal[0]))))
-    deviation = float(np.hypot(evidence.deviations[nearest], _LEAST_DEVIATION))
+def _with_vertical(camera: Camera, evidence: LineEvidence, share: Float[np.ndarray, "F"]) -> Camera:
+    """With the vertical of the nearest of the evidence's focal lengths, if the others hardly move it."""
+    up = evidence.ups[np.abs(np.log(evidence.focals / camera.focal[0])).argmin()]
+    off = np.degrees(np.arccos(np.clip(evidence.ups @ up, -1, 1)))
+    deviation = float(np.sqrt(share @ (evidence.deviations**2 + off**2) + _LEAST_DEVIATION**2))
     if deviation > _MOST_DEVIATION:
         return camera
-    x, y, z = evidence.ups[nearest].tolist()
+    x, y, z = up.tolist()
     return replace(camera, vertical=Vertical(up=(x, y, z), deviation=deviation))
 
 
 def _still_edges(video: Path, frames: Sequence[int], camera: Camera) -> Float[np.ndarray, "n 4"] | None:
     """Edges of what stands still in the straightened pictures; None if the camera moved, or the video is unreadable."""
+    smaller = min(1.0, _LARGEST / max(camera.size))
     try:
-        with FrameSource(video) as source:
-            pictures = _grey(source, frames)
+        pictures = _grey(video, frames, camera, smaller)
     except InputError:  # a keypoint file beside a broken video
         return None
-    edges = edges_of(np.median(pictures, 0).astype(np.uint8))
-    alone = np.median([_length(edges_of(picture)) for picture in pictures[:: max(1, len(pictures) // 3)]])
-    if not len(edges) or _length(edges) < _MOVED * alone:
-        return None
-    if camera.lens is None:
-        return edges
-    straight, found = straightened(camera.lens, edges.reshape(-1, 2, 2))
-    return straight.reshape(-1, 4)[found.all(1)]
+    middle = len(pictures) // 2
+    edges, alone = (edges_of(picture) for picture in (np.partition(pictures, middle, 0)[middle], pictures[middle]))
+    moved = edge_lengths(edges).sum() < _MOVED * edge_lengths(alone).sum()
+    return None if moved else edges / smaller
 
 
-def _grey(source: FrameSource, frames: Sequence[int]) -> list[UInt8[np.ndarray, "h w"]]:
+def _grey(video: Path, frames: Sequence[int], camera: Camera, smaller: float) -> UInt8[np.ndarray, "n h w"]:
+    """Frames spread over the clip, straightened, in grey."""
     chosen = np.unique(np.linspace(0, len(frames) - 1, _PICTURES).round().astype(int))
-    return [cv2.cvtColor(source.frame(frames[i]), cv2.COLOR_RGB2GRAY) for i in chosen]
-
-
-def _length(edges: Float[np.ndarray, "n 4"]) -> float:
-    return float(edge_lengths(edges).sum())
+    size = tuple(round(smaller * length) for length in camera.size)
+    with FrameSource(video, lens=camera.lens) as source:
+        grey = (cv2.cvtColor(source.frame_or_grey(frames[i]), cv2.COLOR_RGB2GRAY) for i in chosen)
+        return np.stack([cv2.resize(picture, size, interpolation=cv2.INTER_AREA) for picture in grey])

@@ -24,7 +24,7 @@ POSSIBLE_FOCALS = np.geomspace(0.55, 2.2, 25)
 _OFF_VERTICAL, _OFF = 0.3, 0.8
 """Degrees: standard deviations of an edge's angle to the vertical, and to any of the three directions."""
 _UNIT_VERTICAL, _UNIT = 0.02, 0.03
-"""Share of the edges' length that counts as much as one unit of log likelihood: edges of one wall are not independent."""
+"""Share of the edges' length worth one unit of log likelihood: edges of one wall are not independent."""
 _OF_VERTICAL = 0.006
 """Weight of the vertical's log posterior beside the share of edges along three directions."""
 _STEP, _FARTHEST = 0.5, 20.0

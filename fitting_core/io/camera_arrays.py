@@ -5,8 +5,8 @@
 | camera_focal, camera_center, image_size | (2,), (2,), (2,) | pixels, of straightened pictures |
 | camera_focal_from, camera_source | (), () | where the focal length comes from: a `FocalFrom`, and in words |
 | camera_focal_deviation | () | only of an estimated focal length: standard deviation of its logarithm |
-| vertical_up, vertical_deviation | (3,), () | only where the pictures tell it: against gravity, a unit vector in camera \
-space, and its standard deviation in degrees |
+| vertical_up, vertical_deviation | (3,), () | only where the pictures tell it: a unit vector against gravity in \
+camera space, and its standard deviation in degrees |
 | lens_focal, lens_center, lens_distortion | (2,), (2,), (n,) | only of a lens that bends: its calibration |
 | world_rotation, world_translation, world_up | (3, 3), (3,), () | only where it is known where the camera stands: \
 x_camera = world_rotation @ x_world + world_translation, metres; up is an axis such as z, or empty |

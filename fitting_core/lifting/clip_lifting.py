@@ -70,7 +70,7 @@ def lift(
     """
     factor = read_lifter(weights)[1]
     rays = (xy[:, :POINTS] - np.array(camera.center)) / np.array(camera.focal)
-    time, starts, given = windows_of(rays, confidence, frame_rate)
+    time, starts, given = _windows_of(rays, confidence, frame_rate)
     moves = None if camera.path is None else _moves_in(camera.path, time, _places_in_clip(starts, len(time)), depth)
     parts = _windows(weights, given if moves is None else moves.taken_from(given), calibrated=calibrated)
     if moves is not None:
@@ -133,7 +133,7 @@ def _turned(values: Float[np.ndarray, "*n v"], turns: Float[np.ndarray, "*n 3 3"
     return np.concatenate([around, error, (up[..., None, :] @ back)[..., 0, :], contact], -1)
 
 
-def windows_of(
+def _windows_of(
     rays: Float[np.ndarray, "T 25 2"], confidence: Float[np.ndarray, "T K"], frame_rate: float
 ) -> tuple[Float[np.ndarray, "S"], Int[np.ndarray, "W"], Float[np.ndarray, "W F 25 3"]]:
     """A clip as overlapping windows.
@@ -180,7 +180,7 @@ _lock = Lock()
 
 
 def _windows(weights: Path, given: np.ndarray, *, calibrated: bool) -> np.ndarray:
-    """(windows, FRAMES, 25 points x 3 + 25 + 3 + 2) in camera axes, of rays and confidence as of `windows_of`."""
+    """(windows, FRAMES, 25 points x 3 + 25 + 3 + 2) in camera axes, of rays and confidence as of `_windows_of`."""
     network, by = read_lifter(weights)[0], str(weights).encode() + bytes([calibrated])
     keys = [hashlib.sha1(window.tobytes() + by).digest() for window in given]
     with _lock:

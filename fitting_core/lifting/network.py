@@ -57,17 +57,13 @@ class Lifter(nn.Module):
 
     def forward(self, features: Float[Tensor, "B T F"]) -> Lifted:
         """See `Lifted`; the expected error is learned from the points, without a gradient to them."""
-        x = self.understood(features)
-        points = self.points(x).float().unflatten(-1, (POINTS, 3))
-        others = self.others(x).float()
-        return Lifted(points, self.error(x.detach()).float(), others[..., :3], others[..., 3:])
-
-    def understood(self, features: Float[Tensor, "B T F"]) -> Float[Tensor, "B T width"]:
-        """The features that all outputs of a frame are read from."""
         x = self.second(nn.functional.gelu(self.first(features))) + self.place
         for block in self.blocks:
             x = block(x)
-        return self.last(x)
+        x = self.last(x)
+        points = self.points(x).float().unflatten(-1, (POINTS, 3))
+        others = self.others(x).float()
+        return Lifted(points, self.error(x.detach()).float(), others[..., :3], others[..., 3:])
 
 
 class _Block(nn.Module):

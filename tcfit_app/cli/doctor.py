@@ -147,12 +147,11 @@ def check_video() -> Iterator[Check]:
 
 def check_networks() -> Iterator[Check]:
     """Whether the networks that come with tcfit can be read."""
-    from fitting_core.lifting.perspective import read_perspective
     from fitting_core.lifting.weights import read_lifter
     from fitting_core.priors.files.registry import read_prior
-    from fitting_core.shipped import LIFTER, PERSPECTIVE, POSE_PRIOR
+    from fitting_core.shipped import LIFTER, POSE_PRIOR
 
-    for read, path in ((read_lifter, LIFTER), (read_perspective, PERSPECTIVE), (read_prior, POSE_PRIOR)):
+    for read, path in ((read_lifter, LIFTER), (read_prior, POSE_PRIOR)):
         read(path)
         yield Check("ok", path.name)
 

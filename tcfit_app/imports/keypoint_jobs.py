@@ -126,8 +126,8 @@ class Detect:
         raise AssertionError("a detection ends with what it found")
 
     def _chosen(self, found: "Detected", clip: Clip) -> FoundKeypoints:
-        from fitting_core.clips.camera_rule import from_pictures
         from fitting_core.detect.found import found_detections, silhouettes_of, with_somebody
+        from fitting_core.ground.from_pictures import camera_from_pictures
         from fitting_core.lens import straightened_keypoints
         from fitting_core.people.person import choose_person
 
@@ -140,12 +140,13 @@ class Detect:
         )
         keypoints, of_lens = straightened_keypoints(choice.keypoints, clip.camera.lens)
         guessed = clip.camera.focal_from is FocalFrom.DIAGONAL
+        frames = range(clip.first_frame, clip.first_frame + len(clip))
         return FoundKeypoints(
             keypoints=keypoints,
             notes=(*detections.notes, *([choice.note] if choice.note else []), *of_lens),
             detector=found.points,
             silhouettes=silhouettes_of(found, choice.entries),
-            camera=from_pictures(clip.camera, keypoints, clip.frame_rate, clip.source, frames, estimate=guessed),
+            camera=camera_from_pictures(clip.camera, keypoints, clip.frame_rate, clip.source, frames, estimate=guessed),
         )
 
     def _seen(self, found: "Detected") -> tuple[int, int] | None:

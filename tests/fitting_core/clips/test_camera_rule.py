@@ -1,6 +1,5 @@
 """Where the focal length of a clip comes from when nobody gives one."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -9,10 +8,9 @@ import pytest
 from PIL import Image
 
 from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalFrom, focal_from_35mm
-from fitting_core.clips.camera_rule import estimated, told_by_files
+from fitting_core.clips.camera_rule import told_by_files
 from fitting_core.clips.options import CameraOptions
 from fitting_core.clips.reading import read_footage
-from fitting_core.keypoints import COUNT, Keypoints
 
 CAMERA = Camera(
     focal=(400.0, 400.0),
@@ -74,20 +72,3 @@ def test_a_phones_video_tells_it(tmp_path: Path, name: str):
 @pytest.mark.parametrize("told", [None, "0", "nan", "wide", "60000"])
 def test_a_video_that_says_nothing_of_use_tells_nothing(tmp_path: Path, told: str | None):
     assert read_footage(movie(tmp_path / "phone.mov", told)).camera == CAMERA
-
-
-def test_an_estimate_says_how_sure_it_is(monkeypatch: pytest.MonkeyPatch):
-    found = replace_estimate(monkeypatch)
-    camera = estimated(CAMERA, found, 30.0)
-    source = "estimated from the clip, with 80 % confidence between 400 and 700 px"
-    assert camera == replace(CAMERA, focal=(500.0, 500.0), focal_from=FocalFrom.ESTIMATED, source=source)
-    assert not camera.calibrated
-
-
-def replace_estimate(monkeypatch: pytest.MonkeyPatch) -> Keypoints:
-    """Somebody, of whom the estimate is told."""
-    from fitting_core.lifting import focal_length
-
-    made = focal_length.FocalEstimate(focal=500.0, low=400.2, high=699.8)
-    monkeypatch.setattr(focal_length, "estimate_focal", lambda *_: made)
-    return Keypoints(xy=np.zeros((20, COUNT, 2)), confidence=np.ones((20, COUNT)))

@@ -45,11 +45,11 @@ def test_the_estimated_camera_is_one_for_all(keypoints: Path, monkeypatch: pytes
     """And comes from whoever is largest and surest."""
     asked = []
 
-    def noted(camera, points, frame_rate):
+    def noted(camera, points, *_, estimate):
         asked.append(points)
         return camera
 
-    monkeypatch.setattr("fitting_core.clips.reading.estimated", noted)
+    monkeypatch.setattr("fitting_core.ground.from_pictures.camera_from_pictures", noted)
     one, other = read_people(
         None, keypoints, clip=ClipOptions(image_size=SIZE, frame_rate=25), camera=CameraOptions(focal_length="auto")
     )

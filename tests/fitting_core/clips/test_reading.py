@@ -176,7 +176,7 @@ def test_a_person_is_chosen_or_asked_for(video, write_people, figure):
 
 CAMERAS = {
     "the diagonal, asked for": ({"focal_length": "diagonal"}, 400.0, "not known: assumed to be the image diagonal"),
-    "default": ({}, None, "estimated from the clip"),
+    "default": ({}, None, "35 mm equivalent of 32 mm, typical of"),
     "pixels": ({"focal_length": 555.0}, 555.0, "focal length of 555 pixels, as given"),
     "fov": ({"fov": 90.0}, 160.0, "horizontal field of view of 90 degrees, as given"),
     "35 mm": ({"focal_length_35mm": 26.0}, 26 / math.hypot(36, 24) * 400, "35 mm equivalent focal length of 26 mm"),

@@ -232,9 +232,12 @@ def test_a_fit_begins_with_another_result(
 
 
 RULES = {
-    "estimated": ([], "estimated from the clip, with 80 % confidence"),
+    "estimated": ([], "typical of phones and cameras, with 80 % confidence"),
     "as published": (["--preset", "paper"], "not known: assumed to be the image diagonal"),
-    "asked for": (["--preset", "paper", "--focal-length", "auto"], "estimated from the clip, with 80 % confidence"),
+    "asked for": (
+        ["--preset", "paper", "--focal-length", "auto"],
+        "typical of phones and cameras, with 80 % confidence",
+    ),
     "diagonal": (["--focal-length", "diagonal"], "not known: assumed to be the image diagonal"),
 }
 

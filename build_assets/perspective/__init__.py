@@ -1,1 +1,0 @@
-"""Trains the network that tells how near a camera stood."""
