@@ -240,8 +240,8 @@ def test_a_truncated_video_is_used_as_far_as_it_goes(video, walk):
 def test_pixels_that_are_not_square_and_uneven_frames_are_noted(found, words, video, walk, monkeypatch):
     opened = FrameSource.__init__
 
-    def open_odd(self, path):
-        opened(self, path)
+    def open_odd(self, path, **options):
+        opened(self, path, **options)
         vars(self).update(found)
 
     assert not read_clip(video(1), walk([0])).notes
