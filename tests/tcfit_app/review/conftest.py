@@ -8,9 +8,12 @@ import pytest
 import viser
 
 from fitting_core.body.model import BodyModel
+from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.project.project import Project
+from tcfit_app.review.session.session import Session
 from tests.drivers.lone_page import LonePage, lone_page
-from tests.samples.sessions import OneBody, small_clip
+from tests.drivers.review_page import QUICK
+from tests.samples.sessions import OneBody, idle, small_clip
 
 
 @pytest.fixture(scope="session")
@@ -24,6 +27,18 @@ def fitted_folder(
         lone_page(panel_server, project, bodies=OneBody(tiny_body)) as made,
     ):
         made.fit()
+    return folder
+
+
+@pytest.fixture(scope="session")
+def fitted_demo(demo_project: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The demo project with a whole fit; not to be changed."""
+    folder = Path(shutil.copytree(demo_project, tmp_path_factory.mktemp("fitted") / "demo.tcfit"))
+    with Project.open(folder) as project:
+        session = Session(project, Bodies())
+        session.fit_everything(QUICK, kind="smplx", gender="neutral")
+        idle(session)
+        session.close()
     return folder
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from fitting_core.keypoints import INDEX
 from tcfit_app.review.panels import PANELS
-from tests.drivers.review_page import QUICK, Reviewing, reviewing, until
+from tests.drivers.review_page import Reviewing, reviewing, until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -25,11 +25,9 @@ SHOWN_THEME = "document.documentElement.dataset.mantineColorScheme"
 
 
 @pytest.fixture(scope="module")
-def fitted(demo_project: Path, browser: "Browser", tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reviewing]:
-    folder = Path(shutil.copytree(demo_project, tmp_path_factory.mktemp("read") / "demo.tcfit"))
+def fitted(fitted_demo: Path, browser: "Browser", tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reviewing]:
+    folder = Path(shutil.copytree(fitted_demo, tmp_path_factory.mktemp("read") / "demo.tcfit"))
     with reviewing(folder, browser) as found:
-        found.app.post(lambda: found.session.fit_everything(QUICK, kind="smplx", gender="neutral"))
-        until(lambda: found.session.fits.runs and not found.session.jobs, "the fit")
         found.app.post(lambda: found.page.tab.set(selection=(INDEX["right_wrist"],)))
         yield found
 

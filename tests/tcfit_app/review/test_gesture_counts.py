@@ -1,4 +1,4 @@
-"""How many clicks, drags and keys the usual tasks take: each is done here as a user does it, and counted."""
+"""What a newcomer sees, and how many clicks, drags and keys the usual tasks take, done here as a user does them."""
 
 import shutil
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from fitting_core.keypoints import FINGER_JOINTS, INDEX, NAMES
 from fitting_core.measure.hands.handshapes import HandshapeSet, finger_bones
 from tcfit_app.review.panels import PANELS
 from tests.drivers.page_tab import GUTTER, MARGIN
-from tests.drivers.review_page import QUICK, Reviewing, reviewing, until
+from tests.drivers.review_page import Reviewing, reviewing, until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -74,11 +74,9 @@ class User:
 
 
 @pytest.fixture(scope="module")
-def review(demo_project: Path, browser: "Browser", tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reviewing]:
-    folder = Path(shutil.copytree(demo_project, tmp_path_factory.mktemp("counted") / "demo.tcfit"))
+def review(fitted_demo: Path, browser: "Browser", tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reviewing]:
+    folder = Path(shutil.copytree(fitted_demo, tmp_path_factory.mktemp("counted") / "demo.tcfit"))
     with reviewing(folder, browser) as found:
-        found.app.post(lambda: found.session.fit_everything(QUICK, kind="smplx", gender="neutral"))
-        until(lambda: found.session.fits.runs and not found.session.jobs, "the fit")
         yield found
         assert not found.complaints
 
@@ -170,6 +168,29 @@ def test_a_glb(user: User):
     with user.review.tab.expect_download() as waiting:
         user.press("button", "Blender")
     assert waiting.value.suggested_filename.endswith(".glb") and user.count == 2
+
+
+def test_the_first_steps_stay_until_they_have_been_read(review: Reviewing, browser: "Browser"):
+    context = browser.new_context(viewport={"width": 1000, "height": 640})
+    tab = context.new_page()
+    tab.goto(review.server.gate.link)
+    steps = tab.locator(".tcfit-panel", has=tab.get_by_text("First steps", exact=True))
+    steps.wait_for()
+    texts = steps.locator("li").all_inner_texts()
+    assert len(texts) == 4 and texts[0] == "Play the clip Space"
+    assert steps.bounding_box()["x"] > tab.locator(".tcfit").bounding_box()["width"], "not over the picture"  # pyright: ignore
+    tab.reload()
+    steps.wait_for()
+    steps.get_by_role("button", name="Got it").click()
+    steps.wait_for(state="detached")
+    tab.reload()
+    tab.wait_for_selector("html.tcfit-ready", state="attached")
+    assert not steps.count()
+    tab.get_by_role("button", name="Help").click()
+    tab.get_by_role("menuitem", name="First steps").click()
+    steps.wait_for()
+    context.close()
+    until(lambda: len(review.app.pages) == 1, "the end of the other tab")
 
 
 MOST_CONTROLS = 12

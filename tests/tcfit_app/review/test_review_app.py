@@ -1,5 +1,6 @@
 """The review app as its users have it: a real browser, the demo project with few frames, a fit that runs."""
 
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,23 +11,24 @@ import numpy as np
 import pytest
 import torch
 
-from fitting_core.keypoints import INDEX
-from tcfit_app.analysis.curves import BETWEEN
+from fitting_core.detect import second_look
+from fitting_core.keypoints import INDEX, PARTS
 from tcfit_app.fitting.fits import FitChoice
-from tcfit_app.project.edits.kinds import SetDepth
+from tcfit_app.project.edits.kinds import DetectAgain, Lock, SetDepth
 from tcfit_app.project.project import Project
 from tests.drivers.review_page import QUICK, Reviewing, opened, reviewing, until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-WRIST = INDEX["right_wrist"]
+WRIST, ELBOW = INDEX["right_wrist"], INDEX["left_elbow"]
 
 
 @pytest.fixture(scope="module")
-def review(demo_project: Path, browser: "Browser") -> Iterator[Reviewing]:
+def review(demo_project: Path, browser: "Browser", tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reviewing]:
     """The project in a browser, after a fit that streamed in before its eyes."""
-    with reviewing(demo_project, browser) as found:
+    folder = Path(shutil.copytree(demo_project, tmp_path_factory.mktemp("app") / "demo.tcfit"))
+    with reviewing(folder, browser) as found:
         bodies = []
         found.app.post(lambda: found.session.fit_everything(QUICK, kind="smplx", gender="neutral"))
         until(lambda: found.session.jobs)
@@ -126,43 +128,6 @@ def test_two_fits_side_by_side(review: Reviewing):
     review.press("1", lambda: len(shown_labels(review)) == 1)
 
 
-def test_the_timeline_plots_what_is_chosen_in_it(review: Reviewing):
-    tab = review.page.tab
-    usual = tab.state.plots
-    review.press("2", lambda: len(shown_labels(review)) == 2)  # the distance is between two fits
-    review.tab.get_by_title("Choose the curves").click()
-    for title in ("Distance between the fits (mm)", "Hand phases"):
-        review.tab.get_by_role("menuitemcheckbox", name=title).click()
-    review.tab.keyboard.press("Escape")
-    until(lambda: tab.state.plots == (*usual, BETWEEN, "hand_phases"), "the rows")
-
-    def filled() -> list[dict[str, Any]] | None:
-        found = review.tab.evaluate("() => tcfit.state('rows').rows")
-        return found if len(found) == len(usual) + 2 and all(r["curves"] or r["levels"] for r in found) else None
-
-    distance, hands = until(filled, "the rows with what is in them")[-2:]
-    assert len(distance["curves"][0]["values"]) == tab.length
-    assert len(hands["levels"]["spans"]) == len(hands["levels"]["parts"]) == 2
-    for title in ("Distance between the fits", "Hand phases"):
-        review.tab.get_by_role("button", name=f"Close {title}", exact=True).click()
-    until(lambda: tab.state.plots == usual, "the rows before")
-    review.press("1", lambda: len(shown_labels(review)) == 1)
-
-
-def test_frames_that_are_selected_elsewhere_are_not_changed(review: Reviewing):
-    tab, edits = review.page.tab, review.session.project.last_edit
-    review.app.post(lambda: tab.set(frames=range(2, 6), selection=(WRIST,)))
-    until(lambda: tab.state.frames == range(2, 6), "the frames")
-    review.tab.keyboard.press("x")
-    refusal = review.tab.get_by_text("This would change the selected frames 2–5, and frame 8 is on show")
-    refusal.wait_for()
-    assert review.session.project.last_edit == edits
-    for _ in range(2):  # the keypoint first
-        review.tab.keyboard.press("Escape")
-    until(lambda: tab.state.frames is None, "no frames")
-    refusal.wait_for(state="hidden")  # it lies over the picture
-
-
 def wrist_in_space(review: Reviewing) -> list[float]:
     """As the page has it, in camera space."""
     return until(lambda: review.tab.evaluate("() => tcfit.state('bodies')"), "the body")["bodies"][0]["points"][WRIST]
@@ -223,26 +188,18 @@ def test_a_right_click_on_a_keypoint_opens_its_menu(review: Reviewing):
     review.rest()
 
 
-def test_a_right_click_beside_all_keypoints_opens_the_picture_s_menu(review: Reviewing):
+def choose(review: Reviewing, *labels: str) -> None:
+    """Of the picture's menu, away from all keypoints, and of those that it opens."""
     x, y = review.tab.evaluate("(bottom) => tcfit.place(0, bottom)", review.session.project.clip.camera.size[1])
     review.tab.mouse.click(x + 12, y - 12, button="right")  # messages lie over the other corners
-    menu = review.tab.get_by_role("menu", name="Picture")
-    until(menu.is_visible, "the menu")
-    menu.get_by_role("menuitem", name="Bodies on or off").click()
+    for label in labels:
+        review.tab.get_by_role("menuitem", name=label).click()
+
+
+def test_a_right_click_beside_all_keypoints_opens_the_picture_s_menu(review: Reviewing):
+    choose(review, "Bodies on or off")
     until(lambda: not review.page.tab.state.bodies, "no bodies")
     review.press("m", lambda: review.page.tab.state.bodies)
-
-
-def test_the_side_view_follows_the_frame(review: Reviewing):
-    def side() -> dict:
-        return review.tab.evaluate("() => tcfit.state('side')")
-
-    until(side, "the side view")
-    before = wrist_in_space(review)
-    review.press("ArrowRight", lambda: wrist_in_space(review) != before)
-    review.press("Shift+v", lambda: side()["floor"] is None)
-    review.press("Shift+v", lambda: labels_of(review, "side") == ["from the left"])
-    review.press("Shift+v", lambda: labels_of(review, "side") == ["from the right"])
 
 
 def test_in_3d_the_side_view_gives_way_to_the_room(review: Reviewing):
@@ -266,6 +223,77 @@ def test_in_3d_the_side_view_gives_way_to_the_room(review: Reviewing):
     review.press("Control+z", lambda: np.isnan(review.session.project.corrected.depth).all())
     review.rest()
     review.press("1", lambda: review.tab.evaluate(SIDE_PLATE))
+
+
+@pytest.mark.thorough
+def test_a_ring_that_is_dragged_locks_the_joint(review: Reviewing):
+    tab, edits = review.page.tab, review.session.project.last_edit
+    tab.do(lambda: tab.set(mode="space", selection=(ELBOW,)))
+    until(lambda: review.page.gestures.turning.rings(tab.shown) is not None, "the rings")
+    review.rest()
+    assert grabbed(review), "no place near the joint is on a ring"
+    review.tab.mouse.up()
+    until(lambda: review.session.project.last_edit > edits, "the edit")
+    edit = review.session.project.log[-1].action
+    assert isinstance(edit, Lock) and (edit.frames, edit.joints) == ((8,), (ELBOW,))
+    review.press("Control+z", lambda: review.session.project.redoable is not None)
+
+
+def grabbed(review: Reviewing) -> bool:
+    """Press places around the joint until a ring is taken hold of, and turn it; the button is still down then."""
+    for radius in range(20, 90, 5):
+        for angle in np.linspace(0, 2 * np.pi, 16, endpoint=False):
+            x, y = review.tab.evaluate("(joint) => tcfit.placeOfFit(joint)", ELBOW)
+            at = x + radius * np.cos(angle), y + radius * np.sin(angle)
+            review.tab.mouse.move(*at)
+            review.tab.mouse.down()
+            review.tab.wait_for_timeout(60)
+            if review.page.gestures.turning._held is not None:
+                review.tab.mouse.move(at[0] + 20, at[1] + 20, steps=5)
+                return True
+            review.tab.mouse.up()
+            if review.page.tab.state.selection != (ELBOW,):  # another keypoint was met
+                review.page.tab.do(lambda: review.page.tab.set(selection=(ELBOW,)))
+                review.rest()
+    return False
+
+
+def drag(review: Reviewing, start: tuple[float, float], end: tuple[float, float]) -> None:
+    """From one of the image's pixels to another."""
+    for step, (x, y) in enumerate((start, end)):
+        place = review.tab.evaluate("([x, y]) => tcfit.place(x, y)", [x, y])
+        review.tab.mouse.move(*place, steps=1 + 3 * step)
+        (review.tab.mouse.up if step else review.tab.mouse.down)()
+
+
+@pytest.mark.thorough
+def test_a_rectangle_is_drawn_around_a_hand(review: Reviewing, monkeypatch: pytest.MonkeyPatch):
+    asked: list[dict[str, Any]] = []
+
+    def look_again(source: Any, frames: list[int], **given: Any) -> np.ndarray:
+        asked.append({"frames": frames, **given})
+        points = np.zeros((len(frames), 137, 3))
+        points[:, PARTS[given["part"]]] = (50, 60, 0.5)
+        return points
+
+    monkeypatch.setattr(second_look, "look_again", look_again)
+    again, project = review.page.gestures.again, review.session.project
+    edits = project.last_edit
+    choose(review, "Detect in a rectangle", "Left hand")
+    until(lambda: review.tab.evaluate("() => tcfit.state('framing')?.around") == "left hand", "the page to know")
+    review.press("Escape", lambda: again.framing is None)
+    choose(review, "Detect in a rectangle", "Right hand")
+    until(lambda: review.tab.evaluate("() => tcfit.state('framing')?.around") == "right hand", "the page to know")
+    wrist = tuple(project.corrected.xy[8, PARTS["right_hand"].start].tolist())
+    end = (wrist[0] + 60, wrist[1] + 40)
+    drag(review, wrist, end)  # it begins on a keypoint, which stays where it is
+    until(lambda: project.last_edit > edits, "the edit")
+    assert asked[0]["part"] == "right_hand" and len(asked) == 1
+    assert asked[0]["region"] == pytest.approx((*wrist, *end), abs=2)
+    edit = project.log[-1].action
+    assert isinstance(edit, DetectAgain) and edit.part == "right_hand"
+    until(lambda: review.tab.evaluate("() => tcfit.state('framing')") is None, "the page to know the end")
+    review.press("Control+z", lambda: project.redoable is not None)
 
 
 def test_every_key_is_taken(review: Reviewing):

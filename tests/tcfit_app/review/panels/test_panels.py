@@ -130,7 +130,9 @@ def test_frames_that_are_selected_elsewhere_are_not_changed(tested: LonePage):
     tested.press("action", "bad")
     assert last_edit(page) == MarkBad(frames=(1, 2, 3), joints=(4,))
     page.tab.seek(5)
-    page.tab.set(frames=None)
+    tested.press("action", "escape")
+    assert page.tab.state.selection == () and page.tab.state.frames is not None, "the keypoint first"
+    tested.press("action", "escape")
     tested.press("action", "flag")
     assert list(project.marks.all()) == [5]
 

@@ -30,6 +30,7 @@ def opened(tmp_path_factory: pytest.TempPathFactory, browser: "Browser") -> Iter
     with reviewing(folder, browser) as found:
         found.tab.wait_for_selector(".tcfit-panel button", timeout=60_000)
         yield found
+        assert found.tab.evaluate("window.attacked") is None and found.tab.locator("img[src=x]").count() == 0
 
 
 def test_buttons_work_and_show_their_state(opened: Reviewing):
@@ -107,15 +108,6 @@ def test_a_menu_opens_below_its_button_and_a_fold_opens(opened: Reviewing):
     until(lambda: "tested" not in tab.state.folds)
     tab.do(draw)
     until(lambda: page.get_by_role("button", name="More shapes").count() == 0)
-
-
-def test_names_of_runs_are_text(opened: Reviewing):
-    opened.page.tab.do(lambda: opened.page.tab.set(selection=(4,)))
-    for name in ("Review", "Correct"):
-        opened.tab.get_by_text(name, exact=True).first.click()
-        until(lambda name=name: opened.tab.locator("[role=tab][aria-selected=true]").inner_text() == name, name)
-    assert opened.tab.evaluate("window.attacked") is None
-    assert opened.tab.locator("img[src=x]").count() == 0
 
 
 def test_a_row_leads_to_its_frame(opened: Reviewing):

@@ -29,7 +29,8 @@ function renew(old, wanted) {
   if (old.nodeName !== wanted.nodeName || before.length !== after.length) return old.replaceWith(wanted);
   if (old instanceof Element && wanted instanceof Element) {
     for (const { name } of [...old.attributes]) if (!wanted.hasAttribute(name)) old.removeAttribute(name);
-    for (const { name, value } of wanted.attributes) old.setAttribute(name, value);
+    for (const { name, value } of wanted.attributes)
+      if (old.getAttribute(name) !== value) old.setAttribute(name, value);
   } else old.nodeValue = wanted.nodeValue;
   before.forEach((child, index) => renew(child, after[index]));
 }

@@ -178,9 +178,9 @@ function frameLines(frame) {
     if (words.length) lines.push(`${title}  ${words.join("   ")}`);
     const there = curves.filter(({ values }) => (values[frame] ?? null) !== null);
     const said = there.map(({ label, values, error_bars, unseen }) => {
-      const bar = error_bars[frame] ?? null;
+      const error = error_bars[frame] ?? null;
       const value = Number(Number(values[frame]).toPrecision(3));
-      const off = bar === null ? "" : ` ± ${Number(bar.toPrecision(2))}`;
+      const off = error === null ? "" : ` ± ${Number(error.toPrecision(2))}`;
       const number = `${value}`.replace("-", "−") + off;
       const seen = !unseen.some(([first, last]) => first <= frame && frame <= last);
       return [label, number, unit, seen ? "" : "(not seen)"].filter(Boolean).join(" ");
