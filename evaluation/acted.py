@@ -31,13 +31,8 @@ def run(options: ActedOptions, command: str) -> None:
     compile_kernels(PRESETS[DEFAULT_PRESET])
     folder = options.out or Path("tcfit-suite")
     names = sequences_named(options.sequences)
-    tasks = preset_tasks(
-        folder,
-        options.presets or _COMPARED,
-        names,
-        every=options.every,
-        collisions=options.collisions,
-    )
+    presets = options.presets or _COMPARED
+    tasks = preset_tasks(folder, presets, names, every=options.every, collisions=options.collisions)
     found = _done(tasks, options.jobs)
     evaluation = Evaluation(
         title="Synthetic suite",

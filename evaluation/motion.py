@@ -11,7 +11,7 @@ import torch
 
 from evaluation.options import MotionOptions
 from evaluation.suite_runs import done_tasks, fit_key, fit_seconds, fitted_body, keep_fit
-from evaluation.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
+from evaluation.synthetic.motion_suite.clips import make_motion, motion_sequences
 from evaluation.synthetic.motion_suite.depth_figures import (
     DEPTH_CURVES,
     GROUPINGS,
@@ -27,7 +27,6 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused import ready
-from fitting_core.ground.from_pictures import camera_from_pictures
 from fitting_core.io.result_files import read_fit
 from fitting_core.measure.records import PHASE_1
 from tcfit_app.options.fit import MethodOptions, fit_config
@@ -40,7 +39,7 @@ class MotionTask:
 
     sequence: str
     focal: str
-    """The focal length that the fit is given: "true", "default", or "auto" for what is typical of cameras."""
+    """The focal length that the fit is given: one of FOCALS."""
     variant: str
     """Name of the way of fitting; its records are named after it."""
     config: FitConfig
@@ -67,7 +66,8 @@ def run_motion(task: MotionTask) -> tuple[DepthRecord, ...]:
     settings before."""
     torch.set_num_threads(1)
     ready.use(threads=1)
-    made, body = _made(task), fitted_body()
+    made = make_motion(motion_sequences()[task.sequence], focal=task.focal)
+    body = fitted_body()
     key = f"{fit_key(task.config, made.clip, made.truth, body)} {made.clip.camera.focal[0]}"
     keep_fit(task.folder, key, lambda: fit_clip(made.clip, body, task.config), made.clip, body)
     found, seconds = read_fit(task.folder), fit_seconds(task.folder)
@@ -77,17 +77,6 @@ def run_motion(task: MotionTask) -> tuple[DepthRecord, ...]:
     return tuple(
         measured(made, joints_in_space(body, params), method=method, seconds=spent) for method, params, spent in phases
     )
-
-
-def _made(task: MotionTask) -> MotionClipMade:
-    """The clip with the focal length that the fit is given."""
-    sequence = motion_sequences()[task.sequence]
-    if task.focal != "auto":
-        return make_motion(sequence, focal=task.focal)
-    made = make_motion(sequence, focal="default")
-    clip = made.clip
-    camera = camera_from_pictures(clip.camera, clip.keypoints, clip.frame_rate, None, (), estimate=True)
-    return replace(made, clip=replace(clip, camera=camera))
 
 
 def write_records(path: Path, records: Sequence[DepthRecord], settings: dict[str, str]) -> None:

@@ -39,9 +39,8 @@ class MotionOptions(SuiteOptions):
 
     half: Literal["tuning", "untouched"] = "tuning"
     """Settle on a method with the tuning half; look at the untouched one when it is settled."""
-    focal: Literal["true", "default", "auto"] = "true"
-    """The focal length that fits are given, the camera's own, the image's diagonal, or an estimate from the
-    keypoints."""
+    focal: Literal["true", "default"] = "true"
+    """The focal length that fits are given: the camera's own, or the image's diagonal."""
     set: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=VALUE", help_behavior_hint="(repeatable)")] = ()
     """A setting of all --presets, as for tcfit fit."""
 

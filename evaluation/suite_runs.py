@@ -170,9 +170,10 @@ def method_names(task: SuiteTask, last_phase: int) -> tuple[str, str | None]:
 
 def keep_fit(folder: Path, key: str, fit: Callable[[], FitResult], clip: Clip, body: BodyModel) -> None:
     """Fit, and keep the result in a folder, unless it has a fit that the same key stands for."""
-    if _read_text(folder / _FIT_KEY) != key:
+    kept = folder / _FIT_KEY
+    if not kept.is_file() or kept.read_text() != key:
         write_result(folder, fit(), clip, body)
-        with replacing(folder / _FIT_KEY) as draft:
+        with replacing(kept) as draft:
             draft.write_text(key)
 
 
@@ -212,10 +213,6 @@ def _compared(
 def fit_seconds(folder: Path) -> dict[str, float]:
     """What each phase of a fit took, and all together, by its summary."""
     return msgspec.json.decode((folder / SUMMARY_NAME).read_bytes())["seconds"]
-
-
-def _read_text(path: Path) -> str | None:
-    return path.read_text() if path.is_file() else None
 
 
 def _stored(path: Path) -> _Stored | None:

@@ -65,24 +65,14 @@ OPENPOSE = DetectorErrors(
 views get wrong alike is not in it: `lasting` is a little larger than what was measured."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Shots:
-    """Who is filmed, and from where."""
-
-    speakers: float = 1 / 3
-    """Share of signers and speakers: upright, before the camera, cut off at hip or chest."""
-    near_speakers: tuple[float, float] = (0.8, 4.0)
-    """Metres to them: all logarithms in between are as likely."""
-    near_others: tuple[float, float] = (1.5, 12.0)
-    """Metres to the others."""
-    aside: float = 0.14
-    """Standard deviation of where people stand beside the image's middle, as x / z."""
-    narrow_beyond: float = np.inf
-    """Metres; people farther away stand nearer to the middle, as lenses for them show less."""
-    cut: float = 1.0
-    """Share of the cameras that may cut people off."""
-    guessed: float = 0.5
-    """Share of the cameras whose focal length is wrong."""
+_SPEAKERS = 1 / 3
+"""Share of signers and speakers: upright, before the camera, cut off at hip or chest."""
+_NEAR_SPEAKERS, _NEAR_OTHERS = (0.8, 4.0), (1.5, 12.0)
+"""Metres to them, and to the others: all logarithms in between are as likely."""
+_ASIDE = 0.14
+"""Standard deviation of where people stand beside the image's middle, as x / z."""
+_GUESSED = 0.5
+"""Share of the cameras whose focal length is wrong."""
 
 
 class Film(NamedTuple):
@@ -98,7 +88,6 @@ class Film(NamedTuple):
     """Against gravity, camera axes."""
     stands: Float[Tensor, "B T 2"]
     """As of `Motion`."""
-    distance: Float[Tensor, "B"]
     usable: Bool[Tensor, "B"]
     """Whether everybody stands before the camera, and enough of them is seen."""
 
@@ -111,18 +100,12 @@ class Studio:
         windows: what they do.
         rng: source of all chance.
         errors: of the detector.
-        shots: who is filmed, and from where.
     """
 
     def __init__(
-        self,
-        figure: Figure,
-        windows: Windows,
-        rng: np.random.Generator,
-        errors: DetectorErrors = OPENPOSE,
-        shots: Shots = Shots(),
+        self, figure: Figure, windows: Windows, rng: np.random.Generator, errors: DetectorErrors = OPENPOSE
     ) -> None:
-        self.figure, self.windows, self.errors, self.shots = figure, windows, errors, shots
+        self.figure, self.windows, self.errors = figure, windows, errors
         self.rng = rng
 
     def reseeded(self, seed: tuple[int, ...]) -> None:
@@ -137,8 +120,7 @@ class Studio:
 
     def film(self, count: int) -> Film:
         """Film `count` windows."""
-        shots = self.shots
-        speaking = self.rng.random(count) < shots.speakers
+        speaking = self.rng.random(count) < _SPEAKERS
         motion = self.windows.draw(count, upright=speaking)
         close = torch.as_tensor(speaking)
         camera = self._cameras(motion, close)
@@ -146,8 +128,8 @@ class Studio:
         points = self.figure.pose(motion.turns.flatten(0, 1), betas.repeat_interleave(FRAMES, 0))
         relative = points.view(count, FRAMES, POINTS, 3) @ camera[:, None].mT
         path = (motion.pelvis - motion.pelvis.mean(1, keepdim=True)) @ camera.mT
-        distance = torch.where(close, self._far(count, *shots.near_speakers), self._far(count, *shots.near_others))
-        aside = shots.aside * self._normal(count, 2) * (shots.narrow_beyond / distance).clamp(max=1)[:, None]
+        distance = torch.where(close, self._far(count, *_NEAR_SPEAKERS), self._far(count, *_NEAR_OTHERS))
+        aside = _ASIDE * self._normal(count, 2)
         centre = torch.cat([aside, torch.ones(count, 1)], 1) * distance[:, None]
         placed = relative + (path + centre[:, None])[:, :, None]
         depth = placed[..., 2]
@@ -156,12 +138,9 @@ class Studio:
         confidence = self._confidence(count) * self._facing(head, placed)
         found = exact + self._errors(confidence) / distance[:, None, None, None]
         found, confidence = self._failures(found, confidence, distance)
-        cut = self._cut(exact, close)
-        if shots.cut < 1:
-            cut &= (self._uniform(count) < shots.cut)[:, None, None]
-        confidence = torch.where(cut | (confidence < 0.08), 0.0, confidence)
+        confidence = torch.where(self._cut(exact, close) | (confidence < 0.08), 0.0, confidence)
         seen = (confidence > 0).sum(2) >= 4
-        calibrated = (self._uniform(count) >= shots.guessed).float()
+        calibrated = (self._uniform(count) >= _GUESSED).float()
         focal = torch.where(calibrated == 1, 1.0, torch.exp(0.3 * self._normal(count)).clamp(0.5, 2.0))
         return Film(
             rays=found * focal[:, None, None, None],
@@ -170,7 +149,6 @@ class Studio:
             points=relative,
             up=camera[:, :, 1],
             stands=motion.stands,
-            distance=distance,
             usable=(depth > _NEAREST).all(2).all(1) & (seen.float().mean(1) > 0.7),
         )
 

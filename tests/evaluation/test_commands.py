@@ -14,7 +14,6 @@ from evaluation.synthetic.motion_suite import clips
 from evaluation.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from evaluation.synthetic.suite import SEQUENCES
 from fitting_core.body.model import BodyModel
-from fitting_core.camera import FocalFrom
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.results.fit_result import FitResult, PhaseResult
@@ -75,14 +74,12 @@ def test_settings_and_the_focal_length_make_fits_of_their_own(fitted: list[tuple
     out = ["--out", str(tmp_path)]
     assert main([*ARGUMENTS, *out, "--set", "temporal.weight=7"]) == 0
     assert main([*ARGUMENTS, *out, "--focal", "default"]) == 0
-    assert main([*ARGUMENTS, *out, "--focal", "auto"]) == 0
-    (clip, config), (other, plain), (estimated, _) = fitted
+    (clip, config), (other, plain) = fitted
     assert config.temporal.weight == 7 != plain.temporal.weight
     assert not other.camera.calibrated and other.camera.focal[0] == pytest.approx(np.hypot(*other.camera.size))
     np.testing.assert_array_equal(clip.keypoints.xy, other.keypoints.xy)
     assert clip.camera == motion_sequences()[NAME].shot.camera
-    assert estimated.camera.focal_from is FocalFrom.ESTIMATED and not estimated.camera.calibrated
-    assert len(list(tmp_path.glob("fits/*/*/*/fit.key"))) == 3
+    assert len(list(tmp_path.glob("fits/*/*/*/fit.key"))) == 2
 
 
 WRONG = {
