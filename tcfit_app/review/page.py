@@ -118,7 +118,7 @@ class Page:
         self.picture = Picture(self.tab, self.gestures.turning.rings)
         self.timeline, self.bar, self.header = Timeline(self.tab), Bar(self.gestures), Header(self.gestures)
         self._key_window = KeyWindow(self.gestures)
-        self._faults = Faults(lambda notice: self.tab.notify(notice))
+        self._attempt = Faults(lambda notice: self.tab.notify(notice)).attempt
         self._followed: int | None = None
         """The dragged body sent last."""
         self._pictured: tuple[int, int | None] | None = None
@@ -305,17 +305,11 @@ class Page:
             self._show_panels(True)
             self._start = None
             self.tab.show_panel("Review" if self.tab.session.jobs else "Fit")
-        self._attempt("draw the menus", self._draw_menus, now)
+        self._attempt("draw the menus", lambda: self.tab.channel.send("menus", menus(self.gestures)), now)
         self._attempt("draw the first steps", lambda: self._steps.show(True), now)
         for panel in panels:
             self._attempt(f"draw the panel {panel.title}", panel.draw, now)
         self._next_panels = time.monotonic() + _PAUSE * (time.thread_time() - begun)
-
-    def _draw_menus(self) -> None:
-        self.tab.channel.send("menus", menus(self.gestures))
-
-    def _attempt(self, what: str, draw: Callable[[], object], now: float) -> None:
-        self._faults.attempt(what, draw, now)
 
     def _draw_picture(self, now: float, *, whole: bool) -> None:
         if whole:

@@ -89,11 +89,6 @@ class Reviewing:
         """viser's input with a label, which is no label to the browser."""
         return self.tab.locator(f"xpath=//*[normalize-space(text())='{label}']/following::input[1]")
 
-    def choose(self, label: str, option: str) -> None:
-        """Choose an option of a drop-down."""
-        self.field(label).click()
-        self.tab.get_by_role("option", name=option).click()
-
     def place(self, joint: str, poster: int = 0) -> tuple[float, float]:
         """Where a keypoint of the frame on show is in the window."""
         x, y = self.session.project.corrected.xy[self.frame, INDEX[joint]].tolist()

@@ -27,11 +27,6 @@ class DetectingAgain:
         self.framing: PartOfPerson | None = None
         """What the next rectangle drawn in the picture is for."""
 
-    @property
-    def busy(self) -> bool:
-        """Whether a second look is running."""
-        return self.going is not None and self.going.state == "running"
-
     def look(self, part: PartOfPerson, region: Region | None = None) -> None:
         """Start looking for a part.
 
@@ -83,19 +78,14 @@ class DetectingAgain:
         if self.going is not None:
             self.going.cancel()
 
-    def require_detector(self) -> None:
-        """Raises InputError if there are no keypoints that can be changed, or no video."""
+    def refuse(self) -> None:
+        """Raises InputError if there are no keypoints that can be changed, no video, or a second look is running."""
         session = self._tab.session
         self._tab.refuse_read_only()
         session.refuse_without_keypoints()
         if session.project.media.path is None:
             raise InputError("The project's video is missing, so nothing can be detected.")
-
-    def refuse(self) -> None:
-        """Raises InputError as `require_detector`, and while a second look is running."""
-        self.require_detector()
-        if self.busy:
-            assert self.going is not None
+        if self.going is not None and self.going.state == "running":
             raise InputError(f"{self.going.title}: wait for it, or cancel it.")
 
     def _take_end(self, look: SecondLook, clip: Clip, task: Task[DetectAgain | None]) -> None:

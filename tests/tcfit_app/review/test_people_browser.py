@@ -110,19 +110,6 @@ def test_the_others_are_drawn_until_they_are_switched_off(review: Reviewing):
     assert "/posters/0/body0" in drawn()
 
 
-def test_each_tab_shows_whom_it_wants_and_does_again_after_a_reload(review: Reviewing, browser: "Browser"):
-    back(review)
-    second = opened(review.app, review.server, browser)
-    first_page = next(page for page in review.app.pages.values() if page is not second.page)
-    second.press("q", lambda: person(second) == "person 2")
-    assert first_page.tab.someone.name == "person 1"
-    second.tab.reload()
-    until(lambda: second.page.tab.ready and person(second) == "person 2", "the same person again")
-    until(lambda: state(second, "timeline")["first_frame"] == LATE, "that one's timeline")
-    second.tab.close()
-    until(lambda: len(review.app.pages) == 1)
-
-
 def test_a_link_of_one_person_opens_that_one_for_others(review: Reviewing, browser: "Browser"):
     back(review)
     review.tab.context.grant_permissions(["clipboard-read", "clipboard-write"])
