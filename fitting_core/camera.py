@@ -93,6 +93,9 @@ class Vertical:
     deviation: float
     """Standard deviation of its direction, degrees."""
 
+    def __str__(self) -> str:
+        return f"vertical from straight lines in the picture, ± {self.deviation:.1f}°"
+
 
 @dataclass(frozen=True, kw_only=True)
 class World:

@@ -124,6 +124,7 @@ def described(clip: Clip) -> list[str]:
         f"Clip {clip.name}: {frames}, {camera.size[0]} x {camera.size[1]} pixels",
         *_keypoints(clip),
         f"Focal length {camera.focal[0]:.1f} px: {camera.source}",
+        *([] if camera.vertical is None else [str(camera.vertical).capitalize()]),
         *([] if camera.lens is None else ["Lens distortion is removed from keypoints and pictures"]),
         *([] if camera.world is None else [_place(camera.world, moves=camera.path is not None)]),
         *(

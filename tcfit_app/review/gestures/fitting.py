@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from fitting_core.camera import Camera, FocalFrom
+from fitting_core.camera import SURE_FOCAL, Camera, FocalFrom
 from fitting_core.config.settings import check
 from fitting_core.errors import InputError
 from fitting_core.results.fit_result import FitResult
@@ -151,4 +151,13 @@ def camera_of(settings: FitSettings, camera: Camera) -> Camera:
         raise InputError(f"The focal length is {settings.focal:g}; expected pixels, above 0.")
     x, y = camera.focal
     focal = (settings.focal, settings.focal * y / x)
-    return replace(camera, focal=focal, focal_from=FocalFrom.GIVEN, source=FOCAL_SOURCE)
+    # The vertical is that of the focal length with which it was estimated.
+    same = abs(math.log(settings.focal / x)) < SURE_FOCAL
+    return replace(
+        camera,
+        focal=focal,
+        focal_from=FocalFrom.GIVEN,
+        source=FOCAL_SOURCE,
+        focal_deviation=None,
+        vertical=camera.vertical if same else None,
+    )

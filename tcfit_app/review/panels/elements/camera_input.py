@@ -88,7 +88,7 @@ def described(camera: Camera) -> str:
     focal = f"The project's camera: {camera.focal[0]:.1f} px, {camera.source}"
     lens = "lens distortion unknown" if camera.lens is None else "lens distortion is corrected"
     if camera.world is None:
-        return f"{focal}; {lens}."
+        return f"{focal}; {lens}{'' if camera.vertical is None else f'; {camera.vertical}'}."
     up = "up direction unknown" if camera.world.up is None else f"{camera.world.up} is up"
     place = ", ".join(f"{at:.2f}" for at in camera.world.place)
     return f"{focal}; {lens}; position ({place}) m, {up}."

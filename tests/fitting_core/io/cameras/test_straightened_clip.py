@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from fitting_core.camera import Camera, Lens, World, is_possible
+from fitting_core.camera import Camera, Lens, Vertical, World, is_possible
 from fitting_core.clips.options import CameraOptions
 from fitting_core.clips.reading import read_clip, read_footage, read_keypoints
 from fitting_core.errors import InputError
@@ -101,6 +101,7 @@ def test_a_camera_is_given_once_and_whole(shot: tuple[Path, Path, Path], options
 def test_lens_and_place_are_stored(shot: tuple[Path, Path, Path]):
     camera = read_footage(shot[0], camera=CameraOptions(camera=shot[2])).camera
     assert camera.lens and camera.world
+    camera = replace(camera, focal_deviation=0.06, vertical=Vertical(up=(0.0, -0.8, -0.6), deviation=1.2))
     assert camera_from(camera_arrays(camera)) == camera
     assert msgspec.json.decode(msgspec.json.encode(camera), type=Camera) == camera and is_possible(camera)
 
@@ -117,4 +118,5 @@ def test_a_stored_camera_that_cannot_be_is_told():
     mirrored = World(rotation=((-1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0)), translation=(0, 0, 0))
     assert is_possible(camera)
     assert not is_possible(replace(camera, world=mirrored))
+    assert not is_possible(replace(camera, vertical=Vertical(up=(0.0, -2.0, 0.0), deviation=1.0)))
     assert not is_possible(replace(camera, lens=Lens(focal=(9.0, 9.0), center=(5.0, 5.0), distortion=(0.1, 0.2))))

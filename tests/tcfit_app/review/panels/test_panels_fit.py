@@ -10,6 +10,7 @@ import torch
 import viser
 
 from fitting_core.body.model import BodyModel
+from fitting_core.camera import Camera, FocalFrom, Vertical
 from fitting_core.config.schema import PRESETS
 from fitting_core.config.settings import changed
 from fitting_core.config.toml import as_toml
@@ -17,6 +18,7 @@ from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
+from tcfit_app.review.gestures.fitting import camera_of
 from tcfit_app.review.panels.fit.fit_panel import FitPanel
 from tcfit_app.review.panels.fit.fit_settings import PRESET_LINES, ROWS, differences, nearest_preset
 from tcfit_app.review.tab.state import FitSettings
@@ -388,3 +390,19 @@ def test_settings_without_effect_cannot_be_changed_and_are_not_told(tested: Lone
     config = changed(config, {**sample, "shape_sample.strategy": "random"}, origin="")
     assert {"shape_sample.size", "shape_sample.seed"} <= {*differences(config, "paper")}
     assert not {"shape_sample.size", "shape_sample.seed"} & {*differences(config, "paper", frames=1)}
+
+
+def test_a_vertical_is_of_its_focal_length():
+    """A focal length that the user types keeps it only if it is nearly the estimated one."""
+    seen = Camera(
+        focal=(1469.0, 1469.0),
+        center=(640.0, 360.0),
+        size=(1280, 720),
+        focal_from=FocalFrom.ESTIMATED,
+        focal_deviation=0.06,
+        vertical=Vertical(up=(0.0, -1.0, 0.0), deviation=1.2),
+    )
+    for focal, kept in ((1500.0, True), (900.0, False)):
+        given = camera_of(FitSettings(focal=focal), seen)
+        assert (given.focal[0], given.focal_deviation, given.calibrated) == (focal, None, True)
+        assert (given.vertical is not None) == kept
