@@ -53,7 +53,7 @@ def errors_in_words(metrics: tuple[Metric, ...]) -> str:
     """Of a fit's figures, its errors."""
     values = {metric.name: metric.value for metric in metrics}
     known = [f"{name} {value:.0f} px" for name, of in _ERRORS.items() if (value := values.get(of)) is not None]
-    return f"Median error: {', '.join(known)}" if known else ""
+    return f"Error: {', '.join(known)}" if known else ""
 
 
 def when(time: datetime) -> str:

@@ -10,7 +10,7 @@ from fitting_core.camera import World
 from fitting_core.config.schema import PRESETS
 from fitting_core.keypoints import INDEX
 from tcfit_app.review.panels.elements.fold import Fold
-from tcfit_app.review.panels.elements.html import Board, Item, menu_button, row
+from tcfit_app.review.panels.elements.html import Board, Item, button, menu_button, row
 from tcfit_app.review.tab.state import FitSettings
 from tests.drivers.lone_page import sample_project
 from tests.drivers.review_page import Reviewing, reviewing, until
@@ -74,6 +74,29 @@ def test_buttons_by_keyboard_keep_the_focus(opened: Reviewing):
         until(lambda was=was: side.get_attribute("aria-pressed") != was)
         assert side.evaluate("(button) => document.activeElement === button"), "drawn again, it has the focus"
     opened.tab.evaluate("document.activeElement.blur()")
+
+
+def test_a_button_of_a_panel_that_is_drawn_again_keeps_the_focus(opened: Reviewing):
+    tab, page, boards = opened.page.tab, opened.tab, []
+
+    def draw(progress: str) -> None:
+        boards.extend([] if boards else [Board(tab)])
+        boards[0].show(row(button(f"Cancel {progress}", "tested.cancel", do=list)))
+
+    page.get_by_role("tab", name="Correct").click()
+    tab.do(lambda: draw("1 %"))
+    cancel = page.locator("[data-tcfit='tested.cancel']")
+    cancel.wait_for()
+    page.keyboard.press("Tab")
+    cancel.focus()
+    for progress in ("2 %", "3 %"):
+        tab.do(lambda progress=progress: draw(progress))
+        page.get_by_role("button", name=f"Cancel {progress}").wait_for()
+        until(lambda: cancel.evaluate("(one) => one === document.activeElement"), "the focus")
+    cancel.evaluate("(one) => one.blur()")
+    tab.do(lambda: draw("4 %"))
+    page.get_by_role("button", name="Cancel 4 %").wait_for()
+    assert page.evaluate("document.activeElement === document.body"), "left by the user, it stays so"
 
 
 def test_a_menu_opens_below_its_button_and_a_fold_opens(opened: Reviewing):

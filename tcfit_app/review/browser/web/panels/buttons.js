@@ -55,6 +55,23 @@ window.addEventListener("click", (event) => {
   if (button) press(button);
 }, true);
 
+// viser replaces all HTML of a board when it changes, and with it the button that has the focus.
+/** @type {HTMLElement | null} */
+let focused = null; // by keyboard
+window.addEventListener("focusin", ({ target }) => {
+  focused = target instanceof HTMLElement && target.matches(".tcfit-panel [data-tcfit]:focus-visible") ? target : null;
+}, true);
+window.addEventListener("focusout", () => {
+  setTimeout(() => focused?.isConnected && document.activeElement !== focused && (focused = null));
+}, true);
+new MutationObserver(() => {
+  if (!focused || focused.isConnected || document.activeElement !== document.body) return;
+  const { command, value } = commandOf(focused);
+  const same = document.querySelector(`[data-tcfit="${command}"][data-value="${CSS.escape(value)}"]`);
+  focused = null;
+  if (same instanceof HTMLElement) same.focus({ preventScroll: true });
+}).observe(document.documentElement, { childList: true, subtree: true });
+
 /** Presses the button that closes the window on top; whether there is one. */
 export function closeWindow() {
   const button = [...document.querySelectorAll("[role=dialog] .tcfit-close")].pop();
