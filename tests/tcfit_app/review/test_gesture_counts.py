@@ -90,6 +90,25 @@ def user(review: Reviewing) -> User:
     return User(review)
 
 
+def test_playing_a_first_correction_and_its_undoing(user: User):
+    review, project = user.review, user.review.session.project
+    for playing in (True, False):
+        user.key("Space")
+        until(lambda playing=playing: review.page.tab.state.playing is playing, "the player")
+    user.count, edits = 0, project.last_edit
+    user.seek(12)
+    x, y = review.place("right_elbow")
+    user.drag((x, y), (x - 20, y + 20))
+    until(lambda: project.last_edit > edits, "the edit")
+    assert user.count == 2
+    user.key("Control+z")
+    until(lambda: project.redoable is not None, "the undo")
+    review.rest()
+    user.key("n")
+    until(lambda: review.page.tab.state.selection, "the next suspicious place")
+    assert user.count == 4, "one key each"
+
+
 def test_a_wrist_that_is_wrong_over_ten_frames(user: User):
     review = user.review
     before, edits = review.session.project.clip.keypoints, review.session.project.last_edit
