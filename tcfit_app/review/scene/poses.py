@@ -24,7 +24,7 @@ there."""
 _MARGIN = 1.03
 _BODY_FROM: Vector = (0.62, -0.28, -0.73)
 """From the body towards the viewer in 3D: the video camera's side, from the right and slightly above."""
-_BODY_DISTANCE = 1.3
+_BODY_DISTANCE = 1.4
 """Distance of the viewer, in diagonals of the subject."""
 
 
