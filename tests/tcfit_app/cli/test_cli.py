@@ -231,13 +231,11 @@ def test_a_fit_begins_with_another_result(
     assert "--start-person without --start" in capsys.readouterr().err
 
 
+USUAL = "35 mm equivalent of 32 mm, typical of phones and cameras, with 80 % confidence"
 RULES = {
-    "estimated": ([], "typical of phones and cameras, with 80 % confidence"),
+    "estimated": ([], USUAL),
     "as published": (["--preset", "paper"], "not known: assumed to be the image diagonal"),
-    "asked for": (
-        ["--preset", "paper", "--focal-length", "auto"],
-        "typical of phones and cameras, with 80 % confidence",
-    ),
+    "asked for": (["--preset", "paper", "--focal-length", "auto"], USUAL),
     "diagonal": (["--focal-length", "diagonal"], "not known: assumed to be the image diagonal"),
 }
 
