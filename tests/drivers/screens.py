@@ -31,8 +31,6 @@ PLATE_COLOR: RGB = (0, 0, 160)
 BODY_COLOR: RGB = (255, 60, 60)
 PLATE = FrameImage.uniform(PLATE_COLOR)
 PATIENCE_SECONDS = 30.0
-COVERED = 132.0
-"""CSS pixels at the bottom of the canvas that posters leave free."""
 
 # Everything but the canvas: panels, messages.
 _HIDE = """() => {
@@ -124,7 +122,7 @@ def screen(browser: "Browser", size: tuple[int, int] = (1440, 900)) -> Iterator[
             page.wait_for_timeout(20)
         channel = Channel(clients[0], lambda event: None)
         shown = Screen(SceneView(clients[0]), clients[0], page, channel)
-        shown.view.cameras.follow(covered=COVERED)
+        shown.view.cameras.follow()
         shown.settle()
         yield shown
         assert not errors, errors
@@ -161,7 +159,7 @@ def canvas_camera(camera: Camera, pose: Pose, window: tuple[int, int], place: Re
 def expected_body(posters: Posters, pose: Pose, window: tuple[int, int]) -> Bool[np.ndarray, "H W"]:
     """Where the bodies of all posters should be seen: their triangles rasterized on the processor."""
     mask = np.zeros((window[1], window[0]), bool)
-    windows = posters.divide(Window(width=window[0], height=window[1], covered=COVERED)).windows
+    windows = posters.divide(Window(width=window[0], height=window[1])).windows
     for poster, place in zip(posters.posters, windows, strict=False):
         camera = canvas_camera(posters.camera, pose, window, place)
         left, top, right, bottom = (round(edge) for edge in place)
@@ -180,7 +178,7 @@ def overlap(a: Bool[np.ndarray, "H W"], b: Bool[np.ndarray, "H W"]) -> float:
 def plate_errors(picture: UInt8[np.ndarray, "H W 3"], posters: Posters, pose: Pose) -> float:
     """How far the edges of a single poster with PLATE and no body are from where they should be: screen pixels."""
     window = picture.shape[1], picture.shape[0]
-    (place,) = posters.divide(Window(width=window[0], height=window[1], covered=COVERED)).windows
+    (place,) = posters.divide(Window(width=window[0], height=window[1])).windows
     camera = canvas_camera(posters.camera, pose, window, place)
     scale = camera.focal[0] / posters.camera.focal[0]
     corner = np.array(camera.center) - np.array(posters.camera.center) * scale

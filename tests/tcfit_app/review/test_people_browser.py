@@ -37,7 +37,7 @@ def button(review: Reviewing) -> "Locator":
 def choose(review: Reviewing, name: str) -> None:
     """In the header's menu."""
     button(review).click()
-    review.tab.get_by_role("menuitem", name=name, exact=True).click()
+    review.tab.get_by_role("menuitemradio", name=name, exact=True).click()
     until(lambda: person(review) == name, name)
 
 

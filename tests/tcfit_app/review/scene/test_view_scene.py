@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.thorough
 
-WINDOW = (800, 700)
+WINDOW = (800, 568)
 CAMERA = Camera(focal=(620.0, 600.0), center=(150.0, 260.0), size=(640, 480))
 
 
