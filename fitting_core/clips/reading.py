@@ -60,10 +60,10 @@ class Shot:
         from fitting_core.ground.from_pictures import camera_from_pictures  # loads torch
 
         seen, notes = self.given.camera(self.size, self.frames, scale_by(keypoints, self.frame_rate))
-        told = told_by_files(seen, self.images) if self.given.automatic else seen
+        known = told_by_files(seen, self.images) if self.given.automatic else seen
         straight, _ = straightened_keypoints(keypoints, seen.lens)
         video, frames = self.images, self.frames.numbers
-        found = camera_from_pictures(told or seen, straight, self.frame_rate, video, frames, estimate=told is None)
+        found = camera_from_pictures(known or seen, straight, self.frame_rate, video, frames, estimate=known is None)
         return found, notes
 
     def clip(

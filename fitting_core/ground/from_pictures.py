@@ -22,8 +22,8 @@ _USUAL_MM, _SPREAD = 32.0, 0.25
 crops a little; cameras are longer. The mean error over 16 real clips is 0.15."""
 _LEAST_SPREAD = 0.06
 """Of an estimate's logarithm: 19 of 23 held-out photographs were nearer than this."""
-_BY_EDGES = 0.2
-"""Standard deviation up to which edges, and not the prior, are said to tell the focal length."""
+_FEW = 0.2
+"""Standard deviation above which the user reads that the edges are few."""
 _LEAST_DEVIATION, _MOST_DEVIATION = 1.0, 3.0
 """Degrees: of a vertical from edges at least, and above which it is not used."""
 _PICTURES = 15
@@ -53,13 +53,13 @@ def camera_from_pictures(
         camera: Of the clip. One that moves stays as it is, except for a focal length.
         keypoints: Of the whole clip, straightened.
         frame_rate: Frames per second.
-        video: A video file or a folder of images; None if there is none.
+        video: A video file or a folder of images, if any.
         frames: Numbers of the clip's frames in it.
         estimate: Whether the focal length is estimated; otherwise the camera's own holds.
     """
-    told = camera.world is not None and camera.world.up is not None
+    up_known = camera.world is not None and camera.world.up is not None
     edges = None
-    if video is not None and camera.path is None and (estimate or not told) and (keypoints.confidence > 0).any():
+    if video is not None and camera.path is None and (estimate or not up_known) and (keypoints.confidence > 0).any():
         edges = _still_edges(video, frames, camera)
     usual = _estimated(camera, float(np.log(focal_from_35mm(_USUAL_MM, camera.size))), _SPREAD) if estimate else camera
     found = usual
@@ -72,7 +72,7 @@ def camera_from_pictures(
             log = np.log(evidence.focals)
             mean = float(share @ log)
             found = _estimated(camera, mean, float(np.hypot(np.sqrt(share @ (log - mean) ** 2), _LEAST_SPREAD)))
-    return found if told else _with_vertical(found, evidence, share)
+    return found if up_known else _with_vertical(found, evidence, share)
 
 
 def _evidence(
@@ -97,9 +97,11 @@ def _posterior(evidence: LineEvidence, usual: Camera) -> Float[np.ndarray, "F"]:
 def _estimated(camera: Camera, log_focal: float, deviation: float) -> Camera:
     """With an estimated focal length, from its logarithm and the standard deviation of that."""
     focal, low, high = (float(np.exp(log_focal + way * _ONE_IN_TEN * deviation)) for way in (0, -1, 1))
-    what = f"35 mm equivalent of {_USUAL_MM:g} mm, typical of phones and cameras"
-    if deviation < _BY_EDGES:
-        what = "estimated from straight lines in the picture"
+    what = "estimated from straight lines in the picture"
+    if deviation == _SPREAD:
+        what = f"35 mm equivalent of {_USUAL_MM:g} mm, typical of phones and cameras"
+    elif deviation > _FEW:
+        what = "estimated from few straight lines in the picture"
     source = f"{what}, with 80 % confidence between {low:.0f} and {high:.0f} px"
     by = FocalFrom.ESTIMATED
     return replace(camera, focal=(focal, focal), focal_deviation=deviation, focal_from=by, source=source)

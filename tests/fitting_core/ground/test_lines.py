@@ -103,26 +103,26 @@ def film(folder: Path, *, moving: bool = False) -> Path:
 UNKNOWN = replace(CAMERA, focal=(1469.0, 1469.0), focal_from=FocalFrom.DIAGONAL, source="unknown")
 
 
-def told(video: Path | None, camera: Camera = UNKNOWN, *, estimate: bool = True) -> Camera:
+def read_camera(video: Path | None, camera: Camera = UNKNOWN, *, estimate: bool = True) -> Camera:
     return camera_from_pictures(camera, walking(), RATE, video, range(5), estimate=estimate)
 
 
 def test_pictures_tell_lens_and_vertical(tmp_path: Path):
-    found = told(film(tmp_path / "room"))
+    found = read_camera(film(tmp_path / "room"))
     assert abs(np.log(found.focal[0] / CAMERA.focal[0])) < 0.1 and found.calibrated
     assert found.focal_from is FocalFrom.ESTIMATED and "from straight lines in the picture" in found.source
     assert found.vertical is not None and angles_to(np.array(found.vertical.up), walker(2).up) < 1.5
 
 
 def test_a_known_focal_length_is_kept(tmp_path: Path):
-    found = told(film(tmp_path / "room"), CAMERA, estimate=False)
+    found = read_camera(film(tmp_path / "room"), CAMERA, estimate=False)
     assert found.vertical is not None and replace(found, vertical=None) == CAMERA
     assert angles_to(np.array(found.vertical.up), walker(2).up) < 1.5
 
 
 def test_a_calibrated_pose_is_kept(tmp_path: Path):
     placed = replace(CAMERA, world=World(rotation=((1, 0, 0), (0, 0, -1), (0, 1, 0)), translation=(0, 0, 0), up="z"))
-    assert told(film(tmp_path / "room"), placed, estimate=False) == placed
+    assert read_camera(film(tmp_path / "room"), placed, estimate=False) == placed
 
 
 @pytest.mark.parametrize("scene", ["moving", "grey", "no video", "no pictures"])
@@ -136,7 +136,7 @@ def test_without_lines_a_usual_lens_is_assumed(tmp_path: Path, scene: str):
             cv2.imwrite(str(tmp_path / f"film/{number}.png"), np.full((SIZE[1], SIZE[0]), 90, np.uint8))
     elif scene == "no video":
         video = None
-    found = told(video)
+    found = read_camera(video)
     assert found.focal[0] == pytest.approx(focal_from_35mm(32, SIZE)) and found.vertical is None
     assert not found.calibrated and found.focal_from is FocalFrom.ESTIMATED
     assert "typical of phones and cameras, with 80 % confidence between 788 and 1496 px" in found.source
