@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 
 from fitting_core.ground.gravity import Gravity
 
@@ -32,6 +32,8 @@ _STEP, _FARTHEST = 0.5, 20.0
 _CANDIDATES, _APART = 14, 0.9
 """Verticals that are tried with each focal length, and degrees between two of them."""
 _HEADINGS = np.radians(np.arange(0.0, 90.0, 1.0))
+_ALONG = 2.0
+"""Standard deviations within which an edge runs along a direction."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,6 +85,21 @@ def line_evidence(
         return None
     focals, score, ups, deviations = (np.array(column) for column in zip(*known, strict=True))
     return LineEvidence(focals=focals, log_likelihood=score / _UNIT, ups=ups, deviations=deviations)
+
+
+def along_three(
+    edges: Float[np.ndarray, "n 4"], focal: float, center: tuple[float, float], up: Float[np.ndarray, "3"]
+) -> Bool[np.ndarray, "n"]:
+    """Which edges run along the vertical or one of two level directions at right angles, at the best heading.
+
+    Args:
+        edges: From `edges_of`, of a picture without distortion.
+        focal: Of its camera, pixels.
+        center: Its principal point, pixels.
+        up: Against gravity: unit vector in camera axes.
+    """
+    off = _off_three(_normals(edges, focal, center), up)
+    return off[_agreement(off, edge_lengths(edges)).argmax()] < _ALONG
 
 
 def _normals(edges: Float[np.ndarray, "n 4"], focal: float, center: tuple[float, float]) -> Float[np.ndarray, "n 3"]:
@@ -145,11 +162,20 @@ def _apart(ups: Float[np.ndarray, "m 3"], log_posterior: Float[np.ndarray, "m"])
 
 def _share(normals: Float[np.ndarray, "n 3"], lengths: Float[np.ndarray, "n"], up: Float[np.ndarray, "3"]) -> float:
     """Share of the edges' length along up or two level directions at right angles, at the best heading."""
+    return float(_agreement(_off_three(normals, up), lengths).max() / lengths.sum())
+
+
+def _agreement(off: Float[np.ndarray, "H n"], lengths: Float[np.ndarray, "n"]) -> Float[np.ndarray, "H"]:
+    """The length of the edges that run along a direction, by heading."""
+    return np.exp(-0.5 * off**2) @ lengths
+
+
+def _off_three(normals: Float[np.ndarray, "n 3"], up: Float[np.ndarray, "3"]) -> Float[np.ndarray, "H n"]:
+    """Angles to the nearest of up and two level directions, by heading, in standard deviations."""
     one = np.cross(up, [0.0, 0.0, 1.0])
     one /= np.linalg.norm(one)
     other = np.cross(up, one)
     c, s = np.cos(_HEADINGS)[:, None], np.sin(_HEADINGS)[:, None]
     sines = np.minimum(np.abs((c * one + s * other) @ normals.T), np.abs((c * other - s * one) @ normals.T))
     sines = np.minimum(sines, np.abs(normals @ up))
-    off = np.degrees(np.arcsin(np.clip(sines, 0, 1))) / _OFF
-    return float((np.exp(-0.5 * off**2) @ lengths).max() / lengths.sum())
+    return np.degrees(np.arcsin(np.clip(sines, 0, 1))) / _OFF

@@ -96,6 +96,11 @@ export interface Silhouette {
   lines: [number, number][][];
 }
 
+export interface StraightLines {
+  along: [number, number, number, number][];
+  other: [number, number, number, number][];
+}
+
 export interface Focus {
   x: number;
   y: number;
@@ -441,6 +446,7 @@ export interface States {
   header: Markup;
   bar: Markup;
   silhouette: Silhouette;
+  straight_lines: StraightLines;
   beat: Beat;
 }
 

@@ -18,6 +18,8 @@ Color = Literal["fit", "beside", "body", "left_hand", "right_hand", "face"]
 Span = tuple[int, int]
 """First and last frame, both included."""
 Triple = tuple[float, float, float]
+Segment = tuple[float, float, float, float]
+"""From x, y to x, y in image pixels."""
 
 
 class _State(msgspec.Struct, frozen=True, kw_only=True):
@@ -127,7 +129,7 @@ class OtherPerson(_State, frozen=True, kw_only=True):
     """The effect of a press on the name or on the person."""
     at: tuple[float, float] | None
     """The image pixel below the name; None: the name is not shown."""
-    bones: tuple[tuple[float, float, float, float], ...] = ()
+    bones: tuple[Segment, ...] = ()
     """Dimmed lines, if nothing else shows the person: from x, y to x, y in image pixels."""
 
 
@@ -197,6 +199,14 @@ class Silhouette(_State, frozen=True, kw_only=True):
 
     lines: tuple[tuple[tuple[float, float], ...], ...]
     """Closed outlines, including holes; image pixels."""
+
+
+class StraightLines(_State, frozen=True, kw_only=True):
+    """The straight edges that tell the camera."""
+
+    along: tuple[Segment, ...]
+    """Along the vertical, or one of two level directions at right angles."""
+    other: tuple[Segment, ...]
 
 
 class Focus(_State, frozen=True, kw_only=True):
@@ -522,6 +532,7 @@ STATES: dict[str, type[_State]] = {
     "header": Markup,
     "bar": Markup,
     "silhouette": Silhouette,
+    "straight_lines": StraightLines,
     "beat": Beat,
 }
 """By name; sending None removes a state."""
@@ -531,6 +542,11 @@ PageState = _State
 def pixel_pairs(xy: Float[np.ndarray, "n 2"]) -> tuple[tuple[float, float], ...]:
     """Positions in pixels, to a hundredth."""
     return tuple((x, y) for x, y in np.round(np.asarray(xy, float), 2).tolist())
+
+
+def segments(ends: Float[np.ndarray, "n 4"]) -> tuple[Segment, ...]:
+    """Segments in pixels, to a tenth."""
+    return tuple((x0, y0, x1, y1) for x0, y0, x1, y1 in np.round(ends, 1).tolist())
 
 
 def triple(values: Float[np.ndarray, "3"]) -> Triple:

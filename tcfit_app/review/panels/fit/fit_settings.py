@@ -199,12 +199,15 @@ class FitInputs:
         hint = "Which variant of the model"
         self._add_dropdown("gender", "Gender", GENDERS, hint, lambda v: self._take_body(gender=v), lambda s: s.gender)
 
-    def add_camera(self) -> None:
-        """The focal length, and the project's camera."""
+    def add_focal(self) -> None:
+        """The focal length."""
         clip = self._camera.focal[0]
         hint = "For whole fits; a re-run keeps its run's focal length"
         self._add_number("focal", _FOCAL, hint, self._take_focal, lambda s: round(float(s.focal or clip), 2))
         self._focal = Board(self._tab)
+
+    def add_calibration(self) -> None:
+        """The project's camera."""
         self._calibration = CameraInput(self._tab, "fit.camera")
 
     def add_given(self) -> None:

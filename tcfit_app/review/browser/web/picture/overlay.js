@@ -74,6 +74,7 @@ function drawOnPoster(context, map, joints) {
   if (isSide(map)) return drawSide(context, map);
   if (isSpace(map)) return drawFits(context, map);
   if (!isPicture(map)) return;
+  drawStraightLines(context, map);
   drawSilhouette(context, map);
   drawGaps(context, map);
   drawPeople(context, map);
@@ -94,6 +95,23 @@ function drawSilhouette(context, map) {
   context.setLineDash([6, 4]);
   stroke(context, outline, COLORS.strong, OUTLINE);
   context.setLineDash([]);
+}
+
+/** The straight edges from which the camera is told; those that do not count are thin.
+ * @param {Context} context @param {PosterMap} map */
+function drawStraightLines(context, map) {
+  if (!states.straight_lines) return;
+  const [along, other] = [states.straight_lines.along, states.straight_lines.other].map((segments) => {
+    const path = new Path2D();
+    for (const [x0, y0, x1, y1] of segments) {
+      path.moveTo(...toScreen(map, [x0, y0]));
+      path.lineTo(...toScreen(map, [x1, y1]));
+    }
+    return path;
+  });
+  stroke(context, along, "rgba(8, 10, 14, 0.5)", OUTLINE + 1.4);
+  stroke(context, along, COLORS.strong, OUTLINE);
+  stroke(context, other, COLORS.strong, 0.5 * OUTLINE);
 }
 
 /** @param {Context} context @param {PosterMap} map */
@@ -320,7 +338,7 @@ function drawFitName(context, { label, color }, right, top, across, beside = { e
 }
 
 addPainter("overlay", drawOverlay);
-for (const name of /** @type {const} */ (["framing", "silhouette"])) watch(name, () => invalidate("overlay"));
+for (const name of /** @type {const} */ (["framing", "silhouette", "straight_lines"])) watch(name, () => invalidate("overlay"));
 
 // viser draws its scene only now and then; right after it, the overlay follows a camera that has moved.
 beforeSceneDrawn(() => {
