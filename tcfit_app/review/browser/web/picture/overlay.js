@@ -338,7 +338,8 @@ function drawFitName(context, { label, color }, right, top, across, beside = { e
 }
 
 addPainter("overlay", drawOverlay);
-for (const name of /** @type {const} */ (["framing", "silhouette", "straight_lines"])) watch(name, () => invalidate("overlay"));
+for (const name of /** @type {const} */ (["framing", "silhouette", "straight_lines"]))
+  watch(name, () => invalidate("overlay"));
 
 // viser draws its scene only now and then; right after it, the overlay follows a camera that has moved.
 beforeSceneDrawn(() => {
