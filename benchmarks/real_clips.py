@@ -31,8 +31,6 @@ class RealClips:
     """Weight of the pose prior in stages 4 and 5, for `pose_priors`; by default the preset's."""
     collisions: bool = True
     """The term of self-collision, in the presets that have it: most of their time, with hands above all."""
-    offsets: bool = True
-    """The body's keypoint offsets, which were fitted to the balancing clips' reference."""
     default_focal: bool = False
     """Take the default focal length, even where the calibrated one is known."""
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
@@ -91,8 +89,6 @@ def shape_row(name: str, preset: str, result: FitResult) -> Row:
 def run(options: RealClips) -> None:
     """Fits every clip with every preset, and reports."""
     body = options.common.load_body()
-    if not options.offsets:
-        body = replace(body, keypoint_offsets={})
     quality: list[Row] = []
     shapes: list[Row] = []
     for name in options.clips:

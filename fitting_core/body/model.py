@@ -112,7 +112,7 @@ class BodyModel:
     contour_weights: Float[np.ndarray, "79 17 3"]
     """Face contour by the head's turn to its right: tables 0..39 for 0..39 degrees, 40..78 for -1..-39 degrees."""
     keypoint_offsets: dict[str, KeypointOffset] = field(default_factory=dict)
-    """By the name of the body keypoint; others lie on their joint or vertex."""
+    """By the name of the body keypoint; others lie on their joint or vertex. Bodies of today need none."""
     source: Path | None = None
     """The file that it was read from."""
     hash: str = ""

@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from fitting_core.body.files.former import same_shapes
 from fitting_core.body.model import N_BETAS
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz
@@ -47,7 +48,7 @@ def read_known_shape(path: StrPath, *, body_hash: str = "") -> KnownShape:
         raise InputError(f"{file}: has no shape ({_told(error)}); {_EXPECTED}.") from error
     if found.ndim != 1 or len(found) < N_BETAS or not (np.abs(found) < _LARGEST).all():
         raise InputError(f"{file}: its betas are of the shape {found.shape} or no numbers near 0; {_EXPECTED}.")
-    if body_hash and made_with and made_with != body_hash:
+    if body_hash and made_with and not same_shapes(made_with, body_hash):
         raise InputError(
             f"{file}: its betas belong to another body model, where they mean another shape. Fit with the body that it "
             "was made with, or find the shape again."

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
+from fitting_core.body.files.former import is_former
 from fitting_core.errors import InputError
 from fitting_core.measure.clocks import found_offset
 from fitting_core.measure.comparison import Comparison, compare, compare_other
@@ -77,7 +78,9 @@ def _record(fit: EvaluatedFit, method: str, comparison: Comparison, seconds: flo
 
 
 def _settings(fit: EvaluatedFit, reference: Reference | None) -> dict[str, str]:
-    body = f"{fit.body.kind}, {fit.body.gender}, {fit.body.hash[:12]}"
+    body = f"{fit.body.kind}, {fit.body.gender}, {fit.body.hash[:12]}" + (
+        ", of an earlier tcfit" if is_former(fit.body.hash) else ""
+    )
     compared = "none" if reference is None else f"{reference.name} ({reference.kind}, {len(reference)} frames)"
     return {"Fit": fit.source, "Body": body, "Reference": compared, "Date": date.today().isoformat()}
 

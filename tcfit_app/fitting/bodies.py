@@ -4,6 +4,7 @@ import threading
 from concurrent.futures import Future
 from pathlib import Path
 
+from fitting_core.body.files.former import former_body
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import BodyModel
@@ -42,7 +43,7 @@ class Bodies:
     def of(self, record: BodyRecord) -> BodyModel:
         """The body that a run was fitted with. Raises InputError if it is missing or was replaced, so the run cannot be
         shown."""
-        if (known := self._known(record.hash)) is not None:
+        if (known := self._known(record.hash) or former_body(record.hash)) is not None:
             return known
         path = Path(record.source)
         body = self._read(path) if record.source and path.is_file() else None

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from fitting_core.body.files.former import same_shapes
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
@@ -124,7 +125,7 @@ def _loaded(project: Project, number: int) -> tuple[Run, FitResult]:
 
 
 def _betas(run: Run, fit: FitResult, body: BodyModel) -> Float[np.ndarray, "10"]:
-    if run.body.hash != body.hash:
+    if not same_shapes(run.body.hash, body.hash):
         raise InputError(
             f"{run.name} uses another body model ({run.body.kind}, {run.body.gender}), for which betas mean another "
             "shape. Choose that body model for this fit too, or another run."

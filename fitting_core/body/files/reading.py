@@ -10,39 +10,9 @@ from jaxtyping import Float, Int
 from fitting_core.body.files import forms
 from fitting_core.body.files.forms import FORMS, Form
 from fitting_core.body.files.raw_file import HAND_KEYS, OWN_KEYPOINTS, RawFile, read_raw
-from fitting_core.body.model import N_BETAS, N_EXPRESSION, SURFACE_KEYPOINTS, BodyModel, KeypointOffset
+from fitting_core.body.model import N_BETAS, N_EXPRESSION, SURFACE_KEYPOINTS, BodyModel
 from fitting_core.files.pickles import as_array
 from fitting_core.files.regular import StrPath
-
-_BONE = {"shoulder": "collar", "elbow": "shoulder", "wrist": "elbow", "knee": "hip", "ankle": "knee"}
-
-
-def _mirrored(left: dict[str, tuple[float, float, float]]) -> dict[str, KeypointOffset]:
-    """Both sides, from the left one's offsets in metres."""
-    table = {}
-    for part, (x, y, z) in left.items():
-        for side, sign in (("left", 1.0), ("right", -1.0)):
-            bone = f"{side}_{_BONE[part]}"
-            table[f"{side}_{part}"] = KeypointOffset(joint=f"{side}_{part}", bone=bone, offset=(sign * x, y, z))
-    return table
-
-
-OFFSETS: dict[int, dict[str, KeypointOffset]] = {
-    # The free body against OpenPose: fitted in 3D to keypoints triangulated from four cameras (one man, 25 frames), all
-    # offsets held by a prior of 20 mm; mean error 14.4 -> 12.4 mm. Its hips need none (under 4 mm). The elbows' 23 mm
-    # along their hinge did not carry over: without them the arms of two signers cover the arms in the picture, and a
-    # walk is 2 mm nearer to its markers.
-    13492: _mirrored(
-        {
-            "shoulder": (-0.010, 0.005, -0.003),
-            "wrist": (0.017, 0.0, 0.0),
-            "knee": (-0.001, -0.013, -0.005),
-            "ankle": (0.0, 0.014, 0.0),
-        }
-    )
-}
-"""By number of vertices. SMPL-X's own is empty: its joints were regressed to be used with OpenPose as they are."""
-
 
 _GENDERS = {name: name for name in ("neutral", "male", "female", "child")} | {
     "n": "neutral",
@@ -111,7 +81,6 @@ def _read(path: Path) -> BodyModel:
         landmark_weights=landmark_weights,
         contour_vertices=contour_vertices,
         contour_weights=contour_weights,
-        keypoint_offsets=OFFSETS.get(len(template), {}),
         source=raw.path,
         hash=raw.hash,
     )

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fitting_core.body.files.former import former_body
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body, list_bodies
 from fitting_core.body.model import BodyModel
@@ -33,6 +34,8 @@ def body_of(record: BodyOf, *, search: Path | None = None) -> BodyModel:
     for path in (*_candidates(search, record), *_candidates(FREE_FOLDER, record)):
         if hashlib.sha256(path.read_bytes()).hexdigest() == record.hash:
             return load_body(path)
+    if (former := former_body(record.hash)) is not None:
+        return former
     raise InputError(
         f"The {record.gender} {record.kind} body of the reference (its file's SHA-256 begins {record.hash[:12]}) is "
         "not on this computer. Put that file where `tcfit models` looks."

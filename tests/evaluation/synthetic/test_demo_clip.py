@@ -103,7 +103,7 @@ def test_arms_are_swapped_once(truth: Truth, detected: Keypoints) -> None:
 def test_the_truth_is_a_body_that_projects_to_its_keypoints(truth: Truth, body: BodyModel) -> None:
     joints = Mesh(body, dtype=torch.float64).joints(truth.params).numpy()
     np.testing.assert_allclose(joints, truth.joints, atol=1e-9)
-    hip = truth.joints[:, JOINT["left_hip"]]  # a joint that the free body's keypoints have no offset from
+    hip = truth.joints[:, JOINT["left_hip"]]
     pixels = hip[:, :2] / hip[:, 2:] * truth.camera.focal + truth.camera.center
     np.testing.assert_allclose(pixels, truth.keypoints[:, INDEX["left_hip"]], atol=1e-6)
     assert truth.camera.size == SMALL.size and truth.frame_rate == RATE and truth.body_hash == body.hash

@@ -9,7 +9,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from fitting_core import keypoints as kp
-from fitting_core.body.model import BodyModel
+from fitting_core.body.model import BodyModel, KeypointOffset
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera, path_of
 from fitting_core.io.motion.imported_motion import from_still
@@ -57,8 +57,8 @@ def test_a_body_that_stands_elsewhere(free_body: BodyModel, truth: Reference):
 
 def test_a_fit_beside_other_systems_is_compared_by_its_joints(free_body: BodyModel):
     """Not by its keypoints, which lie elsewhere: users get the joints, and other systems give theirs."""
-    params = random_params(4)
-    fit = estimate(free_body, params)
+    beyond = KeypointOffset(joint="left_wrist", bone="left_elbow", offset=(0.1, 0.0, 0.0))
+    fit = estimate(replace(free_body, keypoint_offsets={"left_wrist": beyond}), random_params(4))
     points = np.full((4, kp.COUNT, 3), np.nan)
     points[:, kp.LIMBS] = fit.joints[:, LIMB_JOINTS]
     about = dict(name="markers", kind="", frame_rate=25.0, in_camera=True)

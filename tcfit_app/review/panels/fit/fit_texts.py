@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
+from fitting_core.body.files.former import is_former
 from fitting_core.config.schema import DEFAULT_PRESET
 from fitting_core.errors import InputError
 from fitting_core.results.fit_result import FitResult
@@ -104,6 +105,8 @@ def _settings(run: Run, frames: int) -> str:
 def details(row: Listed, fit: FitResult | None) -> list[Html]:
     """Everything else about a fit: its number, its duration, and what it says about itself."""
     facts = [f"Run {row.run.id} on the command line", *_duration(row.base)]
+    if is_former(row.run.body.hash):
+        facts.append("It keeps the body of an earlier tcfit, whose limbs have other joints")
     notes = {} if fit is None else dict.fromkeys([*fit.warnings, *(note for p in fit.phases for note in p.notes)])
     listed = tag("ul", joined(*(tag("li", text(note)) for note in notes)), class_="tcfit-dim") if notes else Html()
     return [paragraph(". ".join(facts), "dim"), listed]

@@ -118,4 +118,4 @@ def test_the_relay_carries_a_limb_that_was_turned_back(scene: tuple[Stages, Stat
     stages = Stages.of(stages.keypoints, stages.camera, stages.body, config)
     run = _Frames(stages, make_solver("lm", config.settings), FRAMES)
     freed = finished(run.relay(stuck, stuck.state, run)).cost
-    assert (freed < 1.02 * lowest).all() if every else (freed > 0.99 * stuck.cost).any()
+    assert (freed < 1.02 * lowest).all() if every else (freed > 1.05 * lowest).all()
