@@ -95,13 +95,13 @@ def _smooth(variant: Variant, params: BodyParams) -> Figures:
 def phone(variant: Variant, name: str) -> Rows:
     """A phone's video with the joint centres of markers, and two learned systems in the same frames."""
     video = data_folder() / "opencap" / name / "video.mp4"
-    reference, last = _opencap(name), _PHONES[name] - 1 if variant.quick else None
+    reference, last = opencap(name), _PHONES[name] - 1 if variant.quick else None
     rows: Rows = {}
     for focal, millimetres in (("26 mm", PHONE_MM), ("auto", None)):
         clip = read_clip(video, clip=ClipOptions(last_frame=last), camera=CameraOptions(focal_length_35mm=millimetres))
         params, seconds = variant.fitted(clip)
         found = variant.limbs(params)
-        true, others = _in_time(found, clip, reference)
+        true, others = in_time(found, clip, reference)
         rows[f"{name}, {focal}"] = _of_limbs(found, true) | _smooth(variant, params)
         if focal == "auto":
             rows[f"{name}, {focal}"] |= _of_focal(clip.camera, focal_from_35mm(PHONE_MM, clip.camera.size))
@@ -110,7 +110,8 @@ def phone(variant: Variant, name: str) -> Rows:
     return rows
 
 
-def _opencap(name: str) -> Reference:
+def opencap(name: str) -> Reference:
+    """Joint centres of markers and both systems' points beside a phone's video."""
     path = data_folder() / "opencap" / name / "truth.npz"
     with np.load(path, allow_pickle=False) as file:
         sides = {"r": "right", "l": "left"}
@@ -119,7 +120,7 @@ def _opencap(name: str) -> Reference:
         return read_points(path, {"points": file["markers"], "names": names, "time": file["time"], **systems}, None)
 
 
-def _in_time(found: Limbs, clip: Clip, reference: Reference) -> tuple[Limbs, dict[str, Limbs]]:
+def in_time(found: Limbs, clip: Clip, reference: Reference) -> tuple[Limbs, dict[str, Limbs]]:
     """The truth and other systems' points at the clip's frames, at the offset at which the truth fits best."""
     best = min((_at(clip, reference, offset) for offset in _OFFSETS), key=lambda r: np.nanmean(_errors(found, clip, r)))
     frames = best.frames_of(len(clip), clip.first_frame, clip.frame_rate)

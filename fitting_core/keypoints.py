@@ -119,6 +119,21 @@ _BEYOND_KNUCKLES = {
 
 
 @dataclass(frozen=True, kw_only=True)
+class KeptDepth:
+    """Depths of a body keypoint that a person stated, and the frames in which their difference from the lifter holds.
+
+    The difference is an offset in the body's own axes, see `fit.evidence.kept_depths`.
+    """
+
+    keypoint: int
+    """The body's: where left and right were swapped, of the right side."""
+    frames: tuple[int, ...]
+    """Where it holds, counted from the clip's first."""
+    depths: Mapping[int, float]
+    """As `Keypoints.depth`, by frame."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Keypoints:
     """Detections of one person over a clip, in the order of NAMES.
 
@@ -141,6 +156,8 @@ class Keypoints:
     axis-angle, radians; NaN where not stated, None: nowhere. It is independent of the detection, and stays where sides
     are swapped back. That of fingers counts where all of a hand's are stated.
     """
+    kept: tuple[KeptDepth, ...] = ()
+    """Of the whole clip: a part of it has none. Presets without the lifter ignore them."""
 
     def __post_init__(self) -> None:
         assert self.xy.shape[1:] == (COUNT, 2) and self.confidence.shape == self.xy.shape[:2]
@@ -193,5 +210,5 @@ class Keypoints:
         return replace(self, xy=xy, confidence=confidence, by_hand=by_hand, **known)
 
     def __getitem__(self, frames: slice | Int[np.ndarray, "n"]) -> "Keypoints":
-        known = {name: array[frames] for name, array in vars(self).items() if array is not None}
-        return replace(self, **known)
+        known = {name: array[frames] for name, array in vars(self).items() if isinstance(array, np.ndarray)}
+        return replace(self, kept=(), **known)

@@ -13,6 +13,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, JOINTS
+from fitting_core.fit.evidence.kept_depths import with_kept
 from fitting_core.fit.evidence.observations import lifted_keypoints
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.frame_runs import runs_where
@@ -292,8 +293,9 @@ def _depths(fit: PosedFit) -> Iterator[Finding]:
     """
     keypoints = unswapped(fit.clip.keypoints)[0]
     lifted = lifted_keypoints(keypoints, fit.clip.camera, fit.clip.frame_rate)
-    farther = fit.points[:, _ENDS, 2] - fit.root[:, None, 2] - lifted.points[:, _ENDS, 2]
-    unsure = lifted.depth_deviation[:, _ENDS]
+    points, deviations = with_kept(keypoints.kept, lifted.points, lifted.depth_deviation)
+    farther = fit.points[:, _ENDS, 2] - fit.root[:, None, 2] - points[:, _ENDS, 2]
+    unsure = deviations[:, _ENDS, 2]
     seen = seen_confidence(keypoints, fit.clip.camera)[:, _ENDS] > SEEN
     seen &= np.isnan(keypoints.told_depth[:, _ENDS])
     found = np.where(seen & np.isfinite(farther), np.hypot(farther, unsure), 0) / _DEPTH

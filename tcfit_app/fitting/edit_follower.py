@@ -28,13 +28,15 @@ from tcfit_app.fitting.live import LIVE_REACH, Correction, Target
 from tcfit_app.fitting.reports import DragEnded, DragMoved, ErrandEnded, Notice
 from tcfit_app.fitting.worker import LiveDrag, Worker
 from tcfit_app.project.edits.edit_log import LogEntry
+from tcfit_app.project.edits.kinds import Keep, Release
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.changes import Changes, Frames
 from tcfit_app.project.storage.run_record import Run
 
 MOST_FOLLOWED = 60
-"""Maximum number of frames refitted automatically after an edit; for more, the user starts it."""
+"""Maximum number of frames refitted automatically after an edit; for more, the user starts it, except for an offset,
+which is of many frames by nature."""
 SETTLING = 0.4
 """Seconds without further edits before the fit follows: holding a key down makes one job."""
 _NOTE = "keypoints were corrected, and the frames around them refitted"
@@ -276,9 +278,10 @@ class EditFollower:
     def _accepted(self, recent: dict[int, bool], tell: Callable[[Notice], None]) -> dict[int, bool]:
         """Recent edits that the fit follows; none if they are too many."""
         edits = self._wanted(recent)
-        if sum(map(len, self._windows(edits))) <= MOST_FOLLOWED:
+        counted = [edit for edit in edits if not isinstance(self._project.standing.said(edit), Keep | Release)]
+        if sum(map(len, self._windows(counted))) <= MOST_FOLLOWED:
             return edits
-        text = f"{len(self._frames(edits))} frames were edited: re-run them when you are done."
+        text = f"{len(self._frames(counted))} frames were edited: re-run them when you are done."
         tell(Notice(title="Too many edits to refit automatically", text=text))
         return {}
 

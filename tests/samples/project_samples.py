@@ -28,6 +28,7 @@ from tcfit_app.project.edits.kinds import (
     DetectAgain,
     Edit,
     Interpolate,
+    Keep,
     Lock,
     MarkBad,
     MoveKey,
@@ -35,6 +36,7 @@ from tcfit_app.project.edits.kinds import (
     Nudge,
     Pin,
     PlaceKey,
+    Release,
     RemoveKey,
     Reset,
     Restore,
@@ -167,7 +169,9 @@ def same_keypoints(one: Keypoints, other: Keypoints) -> bool:
     told = [np.nan if keypoints.turn is None else keypoints.turn for keypoints in (one, other)]
     same_turns = _same_values(*map(np.asarray, np.broadcast_arrays(*told)))
     arrays = ("xy", "confidence", "told_depth")
-    return same_turns and all(_same_values(getattr(one, n), getattr(other, n)) for n in arrays)
+    return (
+        one.kept == other.kept and same_turns and all(_same_values(getattr(one, n), getattr(other, n)) for n in arrays)
+    )
 
 
 _PIXELS = st.floats(-1e4, 1e4)
@@ -238,6 +242,10 @@ def _detected_again(draw: st.DrawFn) -> DetectAgain:
     return DetectAgain.found(frames, part, points)
 
 
+def _kept(edit: SetDepth) -> Keep:
+    return Keep(frames=tuple(range(FRAMES)), joints=edit.joints, at=edit.frames, depth=edit.depth)
+
+
 def _pinned(edit: SetDepth) -> Pin:
     places = tuple((10.0 * joint, 20.0) for joint in edit.joints)
     return Pin(frames=edit.frames, joints=edit.joints, xy=places, depth=edit.depth)
@@ -271,6 +279,8 @@ def edits() -> st.SearchStrategy[Edit]:
         _keyframes(),
         _depths(),
         _depths().map(_pinned),
+        _depths().map(_kept),
+        st.builds(Release, frames=_FRAMES, joints=_BODY_JOINTS),
         _locks(),
         _shaped_hands(),
         _taken_over(),
@@ -301,6 +311,7 @@ def random_edit(seed: int) -> Edit:
         CopyFrom(frames=frames, joints=joints, source=0),
         Pin(frames=frames, joints=(4, 7), xy=((1.0, 2.0), (3.0, 4.0)), depth=((0.1, 0.2), (0.3, 0.4))),
         SetDepth(frames=frames, joints=(4, 7), depth=tuple(map(tuple, rng.uniform(-1, 1, (2, 2)).tolist()))),
+        Keep(frames=tuple(range(FRAMES)), joints=(4, 7), at=frames, depth=((0.2, None), (0.3, 0.1))),
         PlaceKey(frames=tuple(range(FRAMES)), joints=joints, at=frames[0], xy=xy[0]),
         Lock(frames=frames, joints=(4,), turn=((0.1, -0.2, 0.3),)),
         ShapeHand(frames=frames[:1], joints=FINGER_JOINTS["left"], name="x", shape=((0.1, -0.2, 0.3),) * 15),

@@ -13,6 +13,7 @@ from torch import Tensor
 from fitting_core import keypoints as kp
 from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
+from fitting_core.fit.evidence.kept_depths import TOLD, with_kept
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.contacts import FOOT_POINTS, Contacts
@@ -63,8 +64,6 @@ LIFTED_HEIGHT = 1.71
 FEET = 1.7
 """Factor on the lifter's deviation for ankles and feet that are detected: it was off by two deviations on balancing
 people, who move unlike its training data, and pulled the knees along."""
-TOLD = 0.02
-"""Standard deviation in metres of a depth set by a person: the precision of a view from the side."""
 USABLE = 4
 """Minimum number of body keypoints for locating the person in a frame."""
 
@@ -179,7 +178,7 @@ class Observations:
         )
 
     def lifted(self, lifted: LiftedClip, *, size: float = 1.0) -> "Observations":
-        """With the lifter's estimates of body keypoints, except where a person set them.
+        """With the lifter's estimates of body keypoints and kept offsets, except where a person set a depth.
 
         Args:
             lifted: the lifter's result for these keypoints.
@@ -187,11 +186,12 @@ class Observations:
         """
         undetected = self.keypoints.confidence[:, kp.BODY] == 0
         deviation = size * lifted.depth_deviation * np.where(_IS_FOOT & ~undetected, FEET, 1.0)
+        points, deviation = with_kept(self.keypoints.kept, size * lifted.points, deviation)
         deviation = np.where(deviation < UNSURE, deviation, np.inf)
         position, deviations = self.relative_position.clone(), self.relative_position_deviation.clone()
-        position[:, kp.BODY] = torch.as_tensor(size * lifted.points).to(position)
-        deviations[:, kp.BODY, 2] = torch.as_tensor(deviation).to(position)
-        deviations[:, kp.BODY, :2] = torch.as_tensor(np.where(undetected, deviation, np.inf)).to(position)[..., None]
+        position[:, kp.BODY] = torch.as_tensor(points).to(position)
+        deviation[..., :2] = np.where(undetected[..., None], deviation[..., :2], np.inf)
+        deviations[:, kp.BODY] = torch.as_tensor(deviation).to(position)
         position[..., 2] = torch.where(self.depth_by_hand, self.relative_position[..., 2], position[..., 2])
         deviations[..., 2] = torch.where(
             self.depth_by_hand, self.relative_position_deviation[..., 2], deviations[..., 2]

@@ -22,9 +22,9 @@ from typing import Literal, get_args
 import msgspec
 
 from fitting_core.errors import InputError
-from fitting_core.keypoints import Keypoints
+from fitting_core.keypoints import KeptDepth, Keypoints
 from tcfit_app.project.edits.corrected import Corrected, read_only
-from tcfit_app.project.edits.kinds import Edit, NewDetections, TakeOver, check, clip_has
+from tcfit_app.project.edits.kinds import Edit, Keep, NewDetections, Release, TakeOver, check, clip_has
 from tcfit_app.project.edits.standing import Standing
 
 _MEMORY = 256 * 2**20
@@ -210,6 +210,8 @@ class EditHistory:
         self._undone: list[LogEntry] = []
         self._written: list[LogEntry] = []
         """Those of _done that are notes."""
+        self._keeping: list[LogEntry] = []
+        """Those that keep offsets, or remove them."""
         self.standing: Standing[Said] = Standing()
         """What stood after each entry."""
         self._before: deque[tuple[Edit, Corrected, Corrected | None]] = deque()
@@ -267,6 +269,18 @@ class EditHistory:
         return [entry for entry in self._done if isinstance(entry.action, TakeOver)]
 
     @property
+    def kept(self) -> tuple[KeptDepth, ...]:
+        """The current offsets, in the order in which they were kept."""
+        found: list[KeptDepth] = []
+        for entry in self._keeping:
+            if isinstance(edit := entry.action, Keep):
+                found += edit.kept
+            elif isinstance(edit, Release):
+                joints, frames = {*edit.joints}, {*edit.frames}
+                found = [one for one in found if one.keypoint not in joints or frames.isdisjoint(one.frames)]
+        return tuple(found)
+
+    @property
     def detected(self) -> Corrected:
         """The base of corrections: the detections, as replaced by take-overs and second looks."""
         return self._detections.view
@@ -290,7 +304,8 @@ class EditHistory:
     def keypoints(self) -> Keypoints:
         """The keypoints to fit."""
         if frames := sorted(self._changed):
-            self._keypoints = Corrected(records=self._now.records[frames]).put_into(self._keypoints, frames)
+            now = Corrected(records=self._now.records[frames]).put_into(self._keypoints, frames)
+            self._keypoints = replace(now, kept=self.kept)
             self._changed.clear()
         return self._keypoints
 
@@ -359,8 +374,8 @@ class EditHistory:
             self.standing.undo(entry.id)
             self._undone.append(self._done.pop())
             said = _said(self._undone[-1])
-            if isinstance(said, WriteNote | WriteNotes):
-                self._written.pop()
+            if (listed := self._listed(said)) is not None:
+                listed.pop()
             return said
         if isinstance(entry.action, Redo):
             self.standing.redo(entry.id, entry.action.edit)
@@ -370,9 +385,15 @@ class EditHistory:
             self._undone.clear()
             self._done.append(entry)
         said = _said(self._done[-1])
-        if isinstance(said, WriteNote | WriteNotes):
-            self._written.append(self._done[-1])
+        if (listed := self._listed(said)) is not None:
+            listed.append(self._done[-1])
         return said
+
+    def _listed(self, said: Said) -> list[LogEntry] | None:
+        """The list of those of its kind that are done, if there is one."""
+        if isinstance(said, WriteNote | WriteNotes):
+            return self._written
+        return self._keeping if isinstance(said, Keep | Release) else None
 
     def _make(self, edit: Edit) -> None:
         before = self._now.at(edit.frames, edit.joints)

@@ -24,6 +24,7 @@ from fitting_core.keypoints import (
     LOCKABLE,
     NAMES,
     PARTS,
+    KeptDepth,
     PartOfPerson,
 )
 from fitting_core.video.frame_names import spans
@@ -272,6 +273,49 @@ class Pin(_Edit, frozen=True, tag="pin"):
         )
 
 
+class _OfOffset(_Edit, frozen=True):
+    """An edit of the offset of body keypoints from the lifter's (`KeptDepth`), which is no part of the keypoints."""
+
+    def change(self, here: Corrected, now: Corrected) -> None:
+        pass
+
+    def problem(self, length: int) -> str:
+        return _depth_problem(self.joints)
+
+
+class Keep(_OfOffset, frozen=True, tag="keep"):
+    """Keep depths stated in a few frames as an offset that holds in all of `frames`."""
+
+    at: tuple[int, ...]
+    """The frames in which they are stated."""
+    depth: tuple[tuple[float | None, ...], ...]
+    """As in `SetDepth`, for each of `at` and each of `joints`; None: not stated."""
+
+    @property
+    def kept(self) -> tuple[KeptDepth, ...]:
+        """For each of `joints`."""
+        return tuple(
+            KeptDepth(
+                keypoint=joint,
+                frames=self.frames,
+                depths={frame: z for frame, z in zip(self.at, column, strict=True) if z is not None},
+            )
+            for joint, column in zip(self.joints, zip(*self.depth, strict=True), strict=True)
+        )
+
+    def problem(self, length: int) -> str:
+        rows = [[0.0 if z is None else z for z in row] for row in self.depth]
+        problem = _choice_problem(self.at, length, "the clip has no others", "frame")
+        if problem := problem or _depths_problem(rows, self.at, self.joints) or super().problem(length):
+            return problem
+        unknown = [NAMES[one.keypoint] for one in self.kept if not one.depths]
+        return f"no depth of {unknown[0]} is stated" if unknown else ""
+
+
+class Release(_OfOffset, frozen=True, tag="release"):
+    """Remove the offsets of keypoints that hold in any of `frames`, which are all frames in which they hold."""
+
+
 class Lock(_Edit, frozen=True, tag="lock"):
     """Lock the rotation of body joints relative to their parents in all of `frames`; keypoints stay as they are."""
 
@@ -481,6 +525,8 @@ Edit = (
     | RemoveKey
     | MoveKey
     | Pin
+    | Keep
+    | Release
     | Lock
     | Unlock
     | ShapeHand

@@ -394,6 +394,8 @@ _KEYPOINTS: tuple[_Row, ...] = (
     ("pin", "Pin in space over the selected frames", "Shift+p", lambda g: g.depth.pin(), (*_OF_JOINTS, fit)),
     ("lock", "Lock the joint's rotation", "Shift+l", lambda g: g.depth.lock(), (*_EDIT, lockable, fit)),
     ("unlock", "Unlock the joint", "", lambda g: g.depth.unlock(), (*_EDIT, lockable)),
+    ("keep", "Keep for the whole clip, or the selected frames", "", lambda g: g.depth.keep(), (*_OF_JOINTS, fit)),
+    ("release", "Remove the kept offset", "", lambda g: g.depth.release(), _OF_JOINTS),
     ("clear_depth", "Clear depth", "", lambda g: g.depth.clear_depth(), (*_EDIT, limbs)),
     *(
         (f"shape_{name}", f"Hand shape: {name}", "", lambda g, name=name: g.shaping.give_named(name), _OF_HAND)

@@ -1,4 +1,4 @@
-"""Correcting depth in one tab: limbs flipped in depth, keypoints pinned, joints locked.
+"""Correcting depth in one tab: limbs flipped in depth, keypoints pinned, joints locked, and offsets kept from these.
 
 Depths are metres behind the pelvis along the camera's z, as everywhere in edits.
 """
@@ -16,8 +16,8 @@ from fitting_core.body.points.positions import joints_in_space, keypoints_in_spa
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.fit.evidence.sides import unswapped_keypoint
-from fitting_core.keypoints import BODY, INDEX, LOCKABLE, Keypoints
-from tcfit_app.project.edits.kinds import ClearDepth, Lock, Pin, Unlock
+from fitting_core.keypoints import BODY, INDEX, LOCKABLE, KeptDepth, Keypoints
+from tcfit_app.project.edits.kinds import ClearDepth, Keep, Lock, Pin, Release, Unlock
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.correcting import Correcting, across_sides, swapped_sides
 from tcfit_app.review.gestures.keyframing import depth_edit
@@ -40,6 +40,13 @@ _FEET = {
     for side in ("left", "right")
     for part in ("big_toe", "small_toe", "heel")
 }
+_OF_HEAD = tuple(INDEX[name] for name in ("nose", "right_eye", "left_eye", "right_ear", "left_ear"))
+_BEYOND: dict[int, tuple[int, ...]] = {INDEX["neck"]: _OF_HEAD, INDEX["nose"]: _OF_HEAD}
+"""The keypoints that a joint moves, by the keypoint by which it is locked."""
+for _root, _middle, _end in _LIMBS:
+    _BEYOND[_end] = tuple(point for point, ankle in _FEET.items() if ankle == _end)
+    _BEYOND[_middle] = (_end, *_BEYOND[_end])
+    _BEYOND[_root] = (_middle, *_BEYOND[_middle])
 _IN_PLANE = 0.05
 """Metres of depth from its root below which a keypoint is on neither side of it: there the fit does not determine the
 limb's depth, only its length in the image does."""
@@ -153,6 +160,102 @@ class CorrectingDepth:
         places = tuple((round(float(u), 3), round(float(v), 3)) for u, v in xy)
         detected = self._as_detected(joints)
         self._correcting.make(Pin(frames=frames, joints=detected, xy=places, depth=tuple(map(tuple, depths.tolist()))))
+
+    # --- offsets from the lifter's points, which last ---
+
+    @property
+    def can_keep(self) -> bool:
+        """Whether a depth, a pin or a lock of the selected keypoints can be kept."""
+        tab, joints, frames = self._tab, self._tab.state.selection, self._lasting
+        corrected = tab.session.project.corrected
+
+        def found() -> bool:
+            turning = tuple(joint for joint in joints if _BEYOND.get(joint))
+            there = corrected[np.ix_(frames, joints)]
+            return bool(np.isfinite(there.told_depth).any() or corrected[np.ix_(frames, turning)].locked.any())
+
+        return tab.once("can keep", (joints, tab.state.frames, tab.session.project.keypoints_version), found)
+
+    @property
+    def _lasting(self) -> tuple[int, ...]:
+        """The frames in which an offset will hold: the selected ones, or all."""
+        return tuple(range(self._tab.length)) if self._tab.state.frames is None else self._tab.frames_to_change
+
+    def keep(self) -> None:
+        """Keep the selected keypoints' depths as offsets; without any, those of the keypoints that their locks turn."""
+        frames, joints = self._lasting, self._of_body(self._correcting.selected())
+        stated = self._stated_depths(frames, joints)
+        if not stated:
+            joints, stated = self._locked_depths(frames, joints)
+        known = [c for c in range(len(joints)) if any(row[c] is not None for row in stated.values())]
+        self._correcting.make(
+            Keep(
+                frames=frames,
+                joints=tuple(joints[c] for c in known),
+                at=tuple(stated),
+                depth=tuple(tuple(row[c] for c in known) for row in stated.values()),
+            )
+        )
+
+    def _stated_depths(self, frames: tuple[int, ...], joints: tuple[int, ...]) -> dict[int, tuple[float | None, ...]]:
+        """Depths of the body's keypoints that a person set, by frame."""
+        project, shown = self._tab.session.project, self._tab.look().b
+        depth = project.corrected.told_depth[list(frames)]
+        rows = np.flatnonzero(np.isfinite(depth).any(1))
+        among = tuple(frames[row] for row in rows)
+        swapped = [()] * len(among) if shown is None else swapped_sides(project, shown, among)
+        found: dict[int, tuple[float | None, ...]] = {}
+        for row, frame, pairs in zip(rows, among, swapped, strict=True):
+            values = depth[row, [unswapped_keypoint(joint, pairs) for joint in joints]].tolist()
+            if np.isfinite(values).any():
+                found[frame] = _known(values)
+        return found
+
+    def _locked_depths(
+        self, frames: tuple[int, ...], joints: tuple[int, ...]
+    ) -> tuple[tuple[int, ...], dict[int, tuple[float | None, ...]]]:
+        """The body's keypoints that the joints locked at these move, and their depths in the fit, by frame."""
+        locked = self._tab.session.project.corrected.locked[np.ix_(frames, joints)]
+        moving = (joints[column] for column in np.flatnonzero(locked.any(0)))
+        beyond = tuple(dict.fromkeys(point for joint in moving for point in _BEYOND.get(joint, ())))
+        if not beyond:
+            raise InputError(
+                "There is nothing to keep: first set a depth of the selected keypoints, pin them, or lock a joint of "
+                "neck, arm or leg in one frame or several."
+            )
+        if self._tab.session.edit_follower.lags:
+            raise InputError("The fit is still following: try again when it has.")
+        at = tuple(frames[row] for row in np.flatnonzero(locked.any(1)))
+        seen = self._seen_body(at)
+        depths = np.round(seen.points[:, list(beyond), 2] - seen.pelvis[:, None], 4).tolist()
+        return beyond, {frame: _known(row) for frame, row in zip(at, depths, strict=True)}
+
+    def kept(self) -> tuple[KeptDepth, ...]:
+        """The offsets of the selected keypoints in the frame on show, or in any selected one."""
+        tab, every = self._tab, self._tab.session.project.clip.keypoints.kept
+        shown = tab.shown.b
+        if not every or shown is None:
+            return ()
+
+        def found() -> tuple[KeptDepth, ...]:
+            joints, frames = {*self._of_body(tab.state.selection)}, {*tab.chosen_frames}
+            return tuple(one for one in every if one.keypoint in joints and not frames.isdisjoint(one.frames))
+
+        state = tab.state
+        key = state.selection, tab.chosen_frames, state.mode, shown.run.id, tab.session.project.keypoints_version
+        return tab.once("kept", key, found)
+
+    def release(self) -> None:
+        """Remove the offsets of the selected keypoints."""
+        kept = self.kept()
+        if not kept:
+            raise InputError("No offset of the selected keypoints is kept here.")
+        frames = sorted({frame for one in kept for frame in one.frames})
+        self._correcting.make(Release(frames=tuple(frames), joints=tuple({one.keypoint: None for one in kept})))
+
+
+def _known(depths: Sequence[float]) -> tuple[float | None, ...]:
+    return tuple(z if np.isfinite(z) else None for z in depths)
 
 
 # --- limbs flipped in depth about their roots, with the same image: the values of `SetDepth` ---

@@ -14,6 +14,7 @@ from tcfit_app.project.edits.kinds import (
     DetectAgain,
     Edit,
     Interpolate,
+    Keep,
     Lock,
     MarkBad,
     MoveKey,
@@ -21,6 +22,7 @@ from tcfit_app.project.edits.kinds import (
     Nudge,
     Pin,
     PlaceKey,
+    Release,
     RemoveKey,
     Reset,
     Restore,
@@ -56,6 +58,8 @@ VERBS: dict[type[Edit], str] = {
     SetDepth: "set in depth",
     ClearDepth: "depth cleared",
     Pin: "pinned in space",
+    Keep: "kept as an offset",
+    Release: "offset removed",
     Lock: "rotation locked",
     Unlock: "unlocked",
     ShapeHand: "given the shape",
@@ -85,6 +89,8 @@ def describe(edit: Said, first_frame: int = 0) -> str:
         return _shape_in_words(edit, first_frame)
     what = part_name(edit.part) if isinstance(edit, DetectAgain) else keypoints_in_words(edit.joints)
     verb = _in_depth(edit) if isinstance(edit, SetDepth) else VERBS[type(edit)]
+    if isinstance(edit, Keep):
+        verb = f"depth of {in_words(edit.at, first_frame)} {verb}"
     if isinstance(edit, MoveKey):
         verb = f"{verb} to frame {edit.to + first_frame}"
     if isinstance(edit, PlaceKey | RemoveKey | MoveKey):

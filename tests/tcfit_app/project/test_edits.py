@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 
 from fitting_core.errors import InputError
+from fitting_core.fit.evidence.sides import unswapped
 from fitting_core.keypoints import BODY, FACE, FINGER_JOINTS, HANDS, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
 from tcfit_app.project.edits import edit_log
-from tcfit_app.project.edits.edit_log import EditHistory, LogEntry, decode, encode
+from tcfit_app.project.edits.edit_log import EditHistory, LogEntry, Redo, Undo, decode, encode
 from tcfit_app.project.edits.kinds import (
     KINDS,
     MIRRORED,
@@ -21,6 +22,7 @@ from tcfit_app.project.edits.kinds import (
     DetectAgain,
     Edit,
     Interpolate,
+    Keep,
     Lock,
     MarkBad,
     MoveKey,
@@ -28,6 +30,7 @@ from tcfit_app.project.edits.kinds import (
     Nudge,
     Pin,
     PlaceKey,
+    Release,
     RemoveKey,
     Reset,
     Restore,
@@ -264,6 +267,22 @@ def test_joints_are_locked_until_they_are_unlocked_or_reset(detected: Keypoints)
     assert after(detected, lock, Unlock(frames=(0, 1, 2), joints=(4, 7))).keypoints.turn is None
 
 
+def test_a_kept_depth_stays_until_it_is_released(detected: Keypoints):
+    keep = Keep(frames=(0, 1, 2, 3), joints=(4, 7), at=(1, 3), depth=((0.1, None), (0.3, 0.4)))
+    later = Keep(frames=(4, 5), joints=(4,), at=(5,), depth=((0.9,),))
+    history = after(detected, keep, later, Reset(frames=(1,), joints=(4,)), ClearDepth(frames=(3,), joints=(4, 7)))
+    assert untouched(history, detected, [], []) and history.keypoints.depth is None
+    elbow, wrist, other = history.keypoints.kept
+    assert (elbow.keypoint, elbow.frames, elbow.depths) == (4, (0, 1, 2, 3), {1: 0.1, 3: 0.3})
+    assert (wrist.keypoint, wrist.depths) == (7, {3: 0.4}) and other.depths == {5: 0.9}
+    assert history.keypoints[2:6].kept == () and unswapped(history.keypoints)[0].kept == history.kept
+    left = after(detected, keep, later, Release(frames=(0, 1), joints=(4,)))
+    assert left.keypoints.kept == (wrist, other)
+    for number, action, kept in ((4, Undo(edit=3), (elbow, wrist, other)), (5, Redo(edit=3), (wrist, other))):
+        left.add(LogEntry(id=number, time=NOW, author="", action=action))
+        assert left.keypoints.kept == kept
+
+
 FIST = ((0.0, 0.0, -1.0),) * 15
 FLAT = ((0.0, 0.0, 0.0),) * 15
 LEFT_FINGERS = FINGER_JOINTS["left"]
@@ -410,6 +429,11 @@ REFUSED = {
     "a hand locked": (Lock(frames=(0,), joints=(30,), turn=((0.0, 0.0, 0.0),)), "cannot be locked"),
     "too few pinned": (Pin(**ONE, xy=(), depth=((0.0,),)), "not have one position for each of 1 keypoints"),
     "pinned too deep": (Pin(**ONE, xy=((0.0, 0.0),), depth=((9.0,),)), "a depth is not a number between -3 and 3 m"),
+    "nothing kept": (Keep(**ONE, at=(0,), depth=((None,),)), "no depth of nose is stated"),
+    "kept from nowhere": (Keep(**ONE, at=(), depth=()), "names no frame"),
+    "kept from behind the end": (Keep(**ONE, at=(6,), depth=((0.1,),)), "no frame 6"),
+    "too few kept": (Keep(**ONE, at=(0,), depth=((),)), "one value for each of 1 frames"),
+    "a hand kept": (Keep(frames=(0,), joints=(30,), at=(0,), depth=((0.1,),)), "is not a body keypoint"),
     "another part": (msgspec.structs.replace(AGAIN, part="face"), "keypoints are not those of the face"),
     "some of a part": (msgspec.structs.replace(AGAIN, joints=HAND[1:]), "keypoints are not those of the left hand"),
     "packed nothing": (msgspec.structs.replace(AGAIN, packed=b"nothing"), "cannot be unpacked"),

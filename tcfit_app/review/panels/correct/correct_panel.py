@@ -133,7 +133,10 @@ class CorrectPanel:
         act, gestures = self._action, self._gestures
         limb = not refusal(limbs_of, self._tab.state.selection)
         lockable = not refusal(gestures.depth.lockable)
+        where = "for the whole clip" if self._tab.state.frames is None else "for the selected frames"
         return [
+            *([row(act("keep", f"Keep {where}"))] if gestures.depth.can_keep else []),
+            *([row(act("release", "Remove the offset"))] if gestures.depth.kept() else []),
             *([row(act("mirror_depth"), act("in_front", "In front"), act("behind", "Behind"))] if limb else []),
             *([row(act("clear_depth"))] if limb else []),
             row(act("pin", "Pin in space")),

@@ -11,12 +11,13 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig
-from fitting_core.fit.evidence.observations import TOLD
+from fitting_core.fit.evidence.kept_depths import TOLD
 from fitting_core.fit.fitting import rerun_events
 from fitting_core.fit.phases.limb_flips import LIMBS, LimbFlips, mirrored_as_told
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.positions import RelativePosition
 from fitting_core.fit.variables.state import Free
+from fitting_core.keypoints import KeptDepth
 from fitting_core.lifting.clip_lifting import LiftedClip
 from tests.samples.posed_clips import clip_of, motion, shipped_body
 from tests.samples.scenes import finished
@@ -106,6 +107,38 @@ def test_a_person_overrides_the_lifter(clip: Clip, params: BodyParams, monkeypat
     column = stages.looked_at(5).tolist().index(WRIST)
     lifter = config.robust_deviations * o.relative_position_deviation[FRAME, ELBOW, 2]
     assert term.rho[FRAME, column, 2] >= 3.0 > 2 * lifter == 2 * term.rho[FRAME, column - 1, 2]
+
+
+def test_a_fit_follows_a_kept_depth_in_all_frames(clip: Clip, params: BodyParams, monkeypatch: pytest.MonkeyPatch):
+    """Where the depth of one frame alone changes its neighbours; a preset without the lifter ignores it."""
+    points = keypoints_in_space(shipped_body(), params)[0][:, kp.BODY] - joints_in_space(shipped_body(), params)[:, :1]
+
+    def lifted(xy: np.ndarray, *_: object, **__: object) -> LiftedClip:
+        return LiftedClip(points, np.full((len(xy), 25), 0.1), np.zeros((len(xy), 3)), np.zeros((len(xy), 2)))
+
+    monkeypatch.setattr("fitting_core.fit.evidence.observations.lift", lifted)
+    body, before, frame, by = shipped_body(), depths(params), 4, 0.1
+    there = told(clip, [frame], [WRIST], before[frame, WRIST] + by)
+    kept = KeptDepth(keypoint=WRIST, frames=tuple(range(len(clip))), depths={frame: before[frame, WRIST] + by})
+    lasting = replace(there, keypoints=replace(there.keypoints, kept=(kept,)))
+
+    def fitted(of: Clip, preset: str) -> np.ndarray:
+        return depths(finished(rerun_events(of, body, config_of(preset), params, range(len(clip)))).params)[:, WRIST]
+
+    alone, everywhere, plain = (fitted(one, "tcfit") for one in (there, lasting, clip))
+    assert abs(alone - plain)[0] < 0.02 < 0.5 * (everywhere - plain)[0]
+    np.testing.assert_array_equal(fitted(lasting, "paper"), fitted(there, "paper"))
+
+
+def test_a_depth_of_a_frame_goes_before_the_offset(clip: Clip, params: BodyParams):
+    kept = KeptDepth(keypoint=WRIST, frames=(3, 4), depths={4: 0.5})
+    said = told(clip, [4], [WRIST], np.array(0.5))
+    both = replace(said, keypoints=replace(said.keypoints, kept=(kept,)))
+    of = [Stages.of_clip(one, shipped_body(), config_of("tcfit")).observations for one in (said, both)]
+    names = "relative_position", "relative_position_deviation"
+    z, deviation = (np.stack([getattr(o, name)[:, WRIST, 2].numpy() for o in of]) for name in names)
+    assert z[1, 4] == 0.5 and (z[0] != z[1]).nonzero()[0].tolist() == [3]
+    assert deviation[1, 3] < deviation[0, 3] and deviation[1, 4] == deviation[0, 4]
 
 
 def test_without_a_word_nothing_changes(clip: Clip):
