@@ -166,15 +166,17 @@ class CorrectingDepth:
     @property
     def can_keep(self) -> bool:
         """Whether a depth, a pin or a lock of the selected keypoints can be kept."""
-        tab, joints, frames = self._tab, self._tab.state.selection, self._lasting
-        corrected = tab.session.project.corrected
+        tab, project, state = self._tab, self._tab.session.project, self._tab.state
 
         def found() -> bool:
-            turning = tuple(joint for joint in joints if _BEYOND.get(joint))
-            there = corrected[np.ix_(frames, joints)]
-            return bool(np.isfinite(there.told_depth).any() or corrected[np.ix_(frames, turning)].locked.any())
+            corrected, joints = project.corrected, list(state.selection)
+            if state.frames is not None:
+                corrected = corrected[list(tab.chosen_frames)]
+            stated = np.isfinite(corrected.depth[:, joints]) & ~corrected.bad[:, joints]
+            turning = [joint for joint in joints if _BEYOND.get(joint)]
+            return bool(stated.any() or np.isfinite(corrected.turn[:, turning, 0]).any())
 
-        return tab.once("can keep", (joints, tab.state.frames, tab.session.project.keypoints_version), found)
+        return tab.once("can keep", (state.selection, state.frames, project.keypoints_version), found)
 
     @property
     def _lasting(self) -> tuple[int, ...]:
