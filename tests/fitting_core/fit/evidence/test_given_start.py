@@ -220,7 +220,7 @@ def test_a_fit_tells_its_start(free_body: BodyModel):
 def reaching_back() -> BodyParams:
     truth = arms_in_motion(3)
     pose = truth.body_pose.clone()
-    pose[:, 3 * (JOINT["left_shoulder"] - 1) : 3 * JOINT["left_shoulder"]] = torch.tensor([0.0, 0.9, -0.3])
+    pose[:, 3 * (JOINT["left_shoulder"] - 1) : 3 * JOINT["left_shoulder"]] = torch.tensor([0.0, 1.1, -0.3])
     return replace(truth, body_pose=pose)
 
 
