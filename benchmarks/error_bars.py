@@ -74,7 +74,7 @@ def measure(body: BodyModel, made: MotionClipMade, found: Samples) -> None:
     """Fit a clip and add its samples."""
     config, clip = PRESETS[DEFAULT_PRESET], made.clip
     fit = fit_clip(clip, body, config)
-    params, stages = fit.last.params, Stages.of_clip(clip, body, config)
+    params, stages = fit.last.params, Stages.of_clip(clip, body, config, size=fit.size)
     stages = holding_feet(stages, params, fit.grounding) or stages
     bars = deviations(stages, stages.parametrisation.from_params(params))
     joints, true = joints_in_space(body, params), made.truth.joints

@@ -135,11 +135,6 @@ class BodyModel:
         dense = rows.toarray() if isinstance(rows, csr_array) else rows
         return dense.reshape(*vertices.shape, 3, dense.shape[1])
 
-    def betas_of_height(self, metres: float) -> Float[np.ndarray, "10"]:
-        """The likeliest shape of this height: the one nearest to the mean."""
-        mean, by_betas = self.height
-        return (metres - mean) / (by_betas @ by_betas) * by_betas
-
     def with_shape(self, betas: Sequence[float] | Float[np.ndarray, "10"]) -> "BodyModel":
         """The body whose mean shape is the one that these betas give; further betas add to it."""
         return replace(self, template=self.template + self.shape_directions @ np.asarray(betas, dtype=float))

@@ -76,7 +76,8 @@ class FitConfig:
     hand_components: int = 12
     """Principal components of each hand; 45 for full axis-angle."""
     height: float | None = None
-    """Standing height of the person in centimetres, without shoes; shape and distance follow it. None: not known."""
+    """Standing height of the person in centimetres, without shoes; phase 2 scales body and distance to it. None: not
+    known, a likely one."""
     robust_pixels: float = 100.0
     """rho of the Geman-McClure function for body keypoints, in pixels."""
     robust_pixels_fine: float = 100.0

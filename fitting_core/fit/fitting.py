@@ -9,7 +9,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 import torch
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from fitting_core.body.model import BodyModel
@@ -37,6 +37,7 @@ from fitting_core.fit.phases.limb_flips import mirrored_as_told
 from fitting_core.fit.phases.progress import PhaseStep, TermSampling
 from fitting_core.fit.phases.shared_shape import Sight, fit_shape
 from fitting_core.fit.plausibility import doubts, other_height, small_adult
+from fitting_core.fit.size import height_of, likely_height, resized, with_shape
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.uncertainty.calibration import error_bars
@@ -128,7 +129,7 @@ def fit_events(
         config: everything else; see `config.PRESETS`.
         start: another system's result for this clip, to begin phase 1 with (`starts.reading.read_start`); frames that
             it lacks are fitted as without it.
-        shape: a known one, which phase 2 takes instead of estimating it.
+        shape: a known one, which phase 2 takes in place of the one that it finds.
         known: first fits of frames, from an interrupted fit that this one continues.
 
     Raises:
@@ -173,6 +174,7 @@ def rerun_events(
     frames: range,
     *,
     start: GivenStart | None = None,
+    size: float | None = None,
 ) -> Generator[FitEvent, None, Refit]:
     """Phase 3 again on `frames` only, starting from `params`; all other frames are returned bit for bit.
 
@@ -183,6 +185,7 @@ def rerun_events(
         params: a result for this clip, all frames.
         frames: the ones to fit again, counted from the first of the clip as 0.
         start: what that result's fit began with, `FitResult.start`: these frames have the same evidence.
+        size: of its person, `FitResult.size`.
     """
     first = clip.first_frame
     asked = f"{first + frames.start} to {first + frames.stop - 1}"
@@ -191,7 +194,7 @@ def rerun_events(
             f"Frames {asked} cannot be fitted again: the clip has frames {first} to {first + len(clip) - 1}."
         )
     near = coupled(frames, len(clip))
-    whole = Stages.of_clip(clip, body, config, start=start)
+    whole = Stages.of_clip(clip, body, config, start=start, size=size)
     stages = whole.within(near)
     consistency = Consistency(stages, make_solver(config.solver, config.settings))
     yield PhaseStarted(phase=3, title=f"frames {asked} again")
@@ -269,6 +272,8 @@ class _Fit:
         self.phases: list[PhaseResult] = []
         self.provenance: Provenance | None = None
         """The frames' current state."""
+        self.size: float | None = None
+        """Of the person, once phase 2 has found a shape."""
         self.result: FitResult | None = None
         """Of the phases so far."""
 
@@ -302,8 +307,11 @@ class _Fit:
         yield PhaseStarted(phase=1, title=PHASE_TITLES[1])
         start, first = time.perf_counter(), self.clip.first_frame
         fits = yield from _events(fit_frames(self.stages, self.solver, first_frame=first, known=self._known), 1)
-        self.provenance = fits.provenance
-        yield self._finish(1, fits.state, start, fits.notes)
+        self.provenance, params = fits.provenance, self.stages.parametrisation.to_params(fits.state)
+        if self.config.last_phase == 1:
+            betas = [self._betas(own) for own in params.betas.numpy()]
+            params = with_shape(self.body, params, np.stack(betas))
+        yield self._finish(1, fits.state, start, fits.notes, params=params)
         return Sight.of(self.stages, fits.state, fits.cost.isfinite())
 
     @property
@@ -317,17 +325,32 @@ class _Fit:
 
     def _second(self, sight: Sight, *, poses: BodyParams | None = None) -> Generator[FitEvent, None, State]:
         yield PhaseStarted(phase=2, title=PHASE_TITLES[2])
-        start, state = time.perf_counter(), sight.state
-        betas = self.stages.parametrisation.columns.betas
-        if self.shape is not None:
-            state = state.with_columns(betas, torch.as_tensor(self.shape.betas).to(state.vector).expand(len(state), -1))
-            yield self._finish(2, state, start, (self.shape.sentence(),), poses=poses)
-            return state
+        start, state, columns = time.perf_counter(), sight.state, self.stages.parametrisation.columns
         found = yield from _events(fit_shape(sight, self.solver, self.config.shape_sample), 2)
-        state = state.with_columns(betas, found.state.vector[0, betas].expand(len(state), -1))
-        note = "shape from frames " + ", ".join(map(str, (self.clip.first_frame + found.frames).tolist()))
-        yield self._finish(2, state, start, (note, *found.notes), sample=(found.state, found.frames), poses=poses)
+        found_betas = found.state.vector[0, columns.betas]
+        one_shape = state.with_columns(columns.betas, found_betas.expand(len(state), -1))
+        own = found_betas.double().cpu().numpy()
+        betas = self._betas(own)
+        frames = ", ".join(map(str, (self.clip.first_frame + found.frames).tolist()))
+        notes = (f"shape from frames {frames}", *found.notes) if self.shape is None else (self.shape.sentence(),)
+        before = poses or self.stages.parametrisation.to_params(state)
+        params = with_shape(self.body, before, np.tile(betas, (len(before), 1)))
+        ratio = float(height_of(self.body, betas) / height_of(self.body, own))
+        self.size = ratio * self.stages.fitted.size
+        yield self._finish(2, one_shape, start, notes, sample=(found.state, found.frames), params=params)
+        self.stages = self.stages.scaled(ratio)
+        for where, values in ((columns.betas, params.betas), (columns.translation, params.camera_translation)):
+            state = state.with_columns(where, values.to(state.vector))
         return state
+
+    def _betas(self, found: Float[np.ndarray, "10"]) -> Float[np.ndarray, "10"]:
+        """The shape of the result: the known one, or the found one at the given or the likely height."""
+        height = self.config.height
+        if self.shape is not None:
+            return self.shape.betas
+        if height is None and not any(self.config.weights.relative_position):
+            return found
+        return resized(self.body, found, likely_height(self.body, found) if height is None else height / 100)
 
     def _third(self, state: State) -> Generator[FitEvent, None, None]:
         yield PhaseStarted(phase=3, title=PHASE_TITLES[3])
@@ -353,15 +376,15 @@ class _Fit:
         notes: tuple[str, ...],
         *,
         sample: tuple[State, Tensor] | None = None,
-        poses: BodyParams | None = None,
+        params: BodyParams | None = None,
         stages: Stages | None = None,
         bars: ErrorBars | None = None,
     ) -> PhaseFinished:
         result = phase_result(
             stages or self.stages, phase, state, seconds=time.perf_counter() - start, notes=notes, sample=sample
         )
-        if poses is not None:
-            result = replace(result, params=replace(poses, betas=result.params.betas))
+        if params is not None:
+            result = replace(result, params=params)
         result = replace(result, provenance=self.provenance, error_bars=bars)
         self.phases.append(result)
         self.result = self._result()
@@ -375,6 +398,7 @@ class _Fit:
             observed=self.stages.observed,
             pose_prior=self.stages.parametrisation.prior.title,
             start=self.start,
+            size=self.size,
             warnings=(
                 *self.clip.notes,
                 *self._start_notes(),

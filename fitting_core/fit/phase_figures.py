@@ -36,6 +36,7 @@ def evaluated(
     *,
     phase: int = 3,
     start: GivenStart | None = None,
+    size: float | None = None,
 ) -> PhaseResult:
     """A phase's figures for parameters of all frames from elsewhere: a re-run of some of them, a correction.
 
@@ -46,8 +47,9 @@ def evaluated(
         params: all frames; they are kept unchanged.
         phase: 3 includes E_T and held feet.
         start: what the fit began with, `FitResult.start`.
+        size: of its person, `FitResult.size`.
     """
-    stages = Stages.of_clip(clip, body, config, start=start)
+    stages = Stages.of_clip(clip, body, config, start=start, size=size)
     if phase == 3:
         stages = holding_feet(stages, params) or stages
     result = phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=0.0)

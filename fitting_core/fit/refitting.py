@@ -58,7 +58,7 @@ def refit_events(
     begin, params = time.perf_counter(), fit.last.params
     provenance = Provenance.unknown(len(clip))
     for i, window in enumerate(windows):
-        events = rerun_events(clip, body, config, params, window, start=fit.start)
+        events = rerun_events(clip, body, config, params, window, start=fit.start, size=fit.size)
         found = yield from _as_part(events, i, len(windows))
         inside = slice(window.start, window.stop)
         params, provenance = found.params, provenance.with_frames(window, found.provenance[inside])
@@ -93,7 +93,7 @@ def with_windows(
         provenance: Of all frames; only that of the windows is used.
         note: For the user.
     """
-    stages = Stages.of_clip(clip, body, config, start=fit.start)
+    stages = Stages.of_clip(clip, body, config, start=fit.start, size=fit.size)
     grounding = grounding_of_params(stages, params)
     held = holding_feet(stages, params, grounding) or stages
     phase = patched(fit.last, held, params, windows, provenance=provenance, note=note)

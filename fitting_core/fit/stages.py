@@ -10,7 +10,7 @@ from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body.kinematics import contour_bins
-from fitting_core.body.model import N_BETAS, N_JOINTS, BodyModel
+from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import Point, keypoint_points
 from fitting_core.camera import Camera
@@ -40,16 +40,12 @@ class FittedBody:
     """
 
     def __init__(self, model: BodyModel, config: FitConfig) -> None:
-        height = config.height
-        self.betas = np.zeros(N_BETAS) if height is None else model.betas_of_height(height / 100)
-        """The likeliest shape before any evidence."""
         self.model = model
         self.dtype, self.device = getattr(torch, config.precision), torch.device(config.device)
         self.parametrisation = Parametrisation(
             model,
             make_prior(config.pose_prior, dtype=self.dtype, device=self.device),
             hand_components=config.hand_components,
-            betas=self.betas,
             dtype=self.dtype,
             device=self.device,
         )
@@ -64,16 +60,13 @@ class FittedBody:
 
     @property
     def size(self) -> float:
-        """Scale to the people that the lifter knows; 1 for an adult of unknown height."""
-        mean, by_betas = self.model.height
-        known = self.betas.any() or self.model.gender == "child"
-        return (mean + float(by_betas @ self.betas)) / LIFTED_HEIGHT if known else 1.0
+        """Scale to the people that the lifter knows, before the fit has found a shape."""
+        return self.model.height[0] / LIFTED_HEIGHT if self.model.gender == "child" else 1.0
 
     @cached_property
     def rest_joints(self) -> Float[Tensor, "55 3"]:
-        """Joints of the likeliest shape at rest, metres."""
-        joints = self.model.with_shape(self.betas).rest_joints
-        return torch.as_tensor(joints, dtype=self.dtype, device=self.device)
+        """Joints of the mean shape at rest, metres."""
+        return torch.as_tensor(self.model.rest_joints, dtype=self.dtype, device=self.device)
 
     def points(self, indices: Int[Tensor, "N"]) -> BodyPoints:
         """Some keypoints' points on the body."""
@@ -142,6 +135,7 @@ class Stages:
         frame_rate: float = 25.0,
         detector: str = "",
         start: GivenStart | None = None,
+        size: float | None = None,
         silhouettes: Silhouettes | None = None,
     ) -> "Stages":
         """The stages of a whole clip.
@@ -154,6 +148,7 @@ class Stages:
             frame_rate: of the clip, frames per second; used if `config.temporal.reference_rate` is set.
             detector: who found the keypoints, `Clip.detector`.
             start: what phase 1 begins with, and what is held near it if `config.start_deviation` says so.
+            size: of the person, `FitResult.size`; None: as a fit begins.
             silhouettes: the person's outlines, used if `config.silhouettes` says so.
         """
         fitted, reference = FittedBody(body, config), config.temporal.reference_rate
@@ -167,7 +162,7 @@ class Stages:
             start = corrected_start(start, keypoints, camera)
             observations = observations.near(start.points, start.deviation(config.start_deviation))
         return Stages(
-            observations=observations,
+            observations=observations if size is None else observations.scaled(size / fitted.size),
             camera=camera,
             fitted=fitted,
             config=config,
@@ -178,7 +173,9 @@ class Stages:
         )
 
     @staticmethod
-    def of_clip(clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None) -> "Stages":
+    def of_clip(
+        clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None, size: float | None = None
+    ) -> "Stages":
         """The same for a clip, with its detector and frame rate."""
         return Stages.of(
             clip.keypoints,
@@ -188,8 +185,13 @@ class Stages:
             frame_rate=clip.frame_rate,
             detector=clip.detector,
             start=start,
+            size=size,
             silhouettes=clip.silhouettes,
         )
+
+    def scaled(self, ratio: float) -> "Stages":
+        """The same stages with what the lifter and a given start say in metres scaled."""
+        return replace(self, observations=self.observations.scaled(ratio))
 
     def holding(self, stances: Stances) -> "Stages":
         """The same stages with the standing feet held in place."""

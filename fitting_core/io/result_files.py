@@ -26,6 +26,7 @@ phases 1 and 2, of fits without the lifter, and in files of earlier versions |
 | angle_error_bars | (N, 13) | the same of joint angles (`results/error_bars.py` names them), degrees |
 | gravity, gravity_deviation, ground, ground_deviation, ground_text, contacts, contact_probability | | what is known \
 of the world: see fitting_core/ground/arrays.py; not there in files of earlier versions |
+| size | () | of the person beside the people that the lifter knows; not there in files of earlier versions |
 | camera_*, image_size, lens_*, world_*, path_* | | the camera: see fitting_core/io/camera_arrays.py |
 | first_frame, frames | (), (N,) | numbers in the video, from 0 |
 | detector | () | detector of the keypoints: openpose, mediapipe or coco-wholebody; empty if unknown, missing \
@@ -54,6 +55,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz, write_npz
 from fitting_core.files.regular import StrPath, legible, regular_file
+from fitting_core.fit.size import size_from
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
 from fitting_core.ground.grounding import Grounding
 from fitting_core.io.camera_arrays import camera_arrays, camera_from
@@ -109,6 +111,8 @@ class StoredFit:
     """Of the last finished phase; None if the file lacks it."""
     grounding: Grounding | None = None
     """Gravity, contacts and floor; None in files of earlier versions."""
+    size: float | None = None
+    """As `FitResult.size`; None in files of earlier versions."""
     keypoints: Keypoints | None = None
     """The fitted keypoints; None in files of earlier versions."""
     detector: str = ""
@@ -208,7 +212,7 @@ def fit_arrays(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = 
         "format": FORMAT,
     }
     arrays |= _provenance_arrays(fit.last.provenance) | error_bar_arrays(fit.last.error_bars)
-    arrays |= grounding_arrays(fit.grounding)
+    arrays |= grounding_arrays(fit.grounding) | ({} if fit.size is None else {"size": fit.size})
     return {name: np.asarray(value) for name, value in arrays.items()}
 
 
@@ -279,6 +283,7 @@ def _stored(arrays: dict[str, np.ndarray]) -> StoredFit:
         complete=bool(arrays["complete"]),
         error_bars=error_bars_from(arrays, frames),
         grounding=grounding_from(arrays, frames),
+        size=size_from(arrays),
         keypoints=_keypoints(arrays, frames),
         detector=str(arrays.get("detector", "")),
         frame_cost=_known(arrays, "frame_cost", (frames,)),

@@ -13,6 +13,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
+from fitting_core.fit.size import earlier_size
 from fitting_core.io.result_files import SUMMARY_NAME, StoredFit, read_fit
 from fitting_core.results.fit_result import FitResult, PhaseResult
 
@@ -74,6 +75,7 @@ def read_whole_result(folder: Path) -> WholeResult:
         warnings=about.warnings,
         pose_prior=about.pose_prior,
         grounding=stored.grounding,
+        size=stored.size or earlier_size(about.config),
     )
     return WholeResult(clip=clip, fit=fit, stored=stored, summary=content)
 

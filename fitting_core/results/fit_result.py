@@ -50,6 +50,9 @@ class FitResult:
     """Gravity, contacts of the feet and the floor; None where it is not known, as for files of earlier versions."""
     start: GivenStart | None = None
     """Another system's result from which phase 1 started; fits that continue this one use the same evidence."""
+    size: float | None = None
+    """Of the person beside the people that the lifter knows, which fits that continue this one keep: its depths are
+    scaled by it. None: not known, as of imports."""
 
     @property
     def last(self) -> PhaseResult:

@@ -84,7 +84,7 @@ class GivenStart:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownShape:
-    """A shape given to phase 2, which then fits none."""
+    """A shape given to phase 2, which takes it in place of the one that it finds."""
 
     betas: Float[np.ndarray, "10"]
     """Of the body that is fitted: on another one they mean another shape."""

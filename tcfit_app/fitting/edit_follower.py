@@ -19,7 +19,6 @@ from fitting_core.errors import InputError
 from fitting_core.fit.fitting import Refit
 from fitting_core.fit.refitting import with_windows
 from fitting_core.results.fit_result import FitResult
-from fitting_core.results.given_start import GivenStart
 from fitting_core.results.provenance import Provenance
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import Fits, Shown
@@ -145,13 +144,14 @@ class EditFollower:
         except InputError:
             return None  # the picture says so
 
-        def of(clip: Clip, params: BodyParams, given: GivenStart | None, seen: int = 0) -> Correction:
+        def of(clip: Clip, params: BodyParams, fit: FitResult | None = None, seen: int = 0) -> Correction:
             return Correction(
                 clip=clip,
                 body=body,
                 config=shown.run.config,
                 params=params,
-                start=given,
+                start=None if fit is None else fit.start,
+                size=None if fit is None else fit.size,
                 frame=frame,
                 keypoints=joints,
                 in_depth=in_depth,
@@ -162,14 +162,14 @@ class EditFollower:
         def renewed() -> Correction:
             start = self._fits.fit(self.of(shown.run.id))
             seen = self._project.last_edit
-            return of(self._clip(start.camera), start.last.params, start.start, seen)
+            return of(self._clip(start.camera), start.last.params, start, seen)
 
         def keep(correction: Correction, target: Target, refit: Refit, edit: int | None) -> None:
             self._keep_drag(shown.run.id, correction, target, refit, edit)
 
         # The worker renews it before it starts: corrections that are not in memory are read, and the current keypoints
         # assembled, on its thread.
-        begun = of(replace(self._project.footage, camera=shown.camera), shown.params, None)
+        begun = of(replace(self._project.footage, camera=shown.camera), shown.params)
         drag = self._worker.drag(begun, target, keep)
         self._drags[drag.number] = (drag, shown.run)
         return drag

@@ -67,6 +67,8 @@ class Correction:
     """Indices of the dragged keypoints."""
     start: GivenStart | None = None
     """The start of the result's fit, which applies to the window too."""
+    size: float | None = None
+    """Of its person, `FitResult.size`."""
     in_depth: bool = False
     """Whether they are dragged in depth instead of in the image."""
     reach: int = LIVE_REACH
@@ -149,7 +151,7 @@ class LiveCorrection:
     def __init__(self, correction: Correction, target: Target) -> None:
         self.correction = correction
         clip, config = correction.edited(target), correction.following
-        stages = Stages.of_clip(clip, correction.body, config, start=correction.yielding)
+        stages = Stages.of_clip(clip, correction.body, config, start=correction.yielding, size=correction.size)
         window, near = correction.frames, coupled(correction.frames, len(clip))
         self._stages = stages.within(near)
         self._frame = correction.frame - near.start
@@ -250,7 +252,8 @@ class LiveCorrection:
         """
         self.correction = c = self.correction.now
         clip = c.edited(self.target)
-        return (yield from rerun_events(clip, c.body, c.converging, self.params, c.frames, start=c.start))
+        found = rerun_events(clip, c.body, c.converging, self.params, c.frames, start=c.start, size=c.size)
+        return (yield from found)
 
 
 def _place(row: Keypoints, keypoint: int, position: Float[np.ndarray, "2"]) -> int:

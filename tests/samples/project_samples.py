@@ -111,6 +111,7 @@ def sample_fit(seed: int, *, last_phase: int = 3, frames: int = FRAMES, componen
         warnings=("left and right were swapped",),
         pose_prior="relaxed",
         grounding=sample_grounding(seed, frames),
+        size=0.97,
     )
 
 
@@ -151,7 +152,7 @@ def assert_same_fit(one: FitResult, other: FitResult) -> None:
     assert np.array_equal(one.observed, other.observed)
     known, found = grounding_arrays(one.grounding), grounding_arrays(other.grounding)
     assert known.keys() == found.keys() and all(_same_values(known[name], found[name]) for name in known)
-    for name in ("camera", "config", "warnings", "pose_prior"):
+    for name in ("camera", "config", "warnings", "pose_prior", "size"):
         assert getattr(one, name) == getattr(other, name), name
 
 

@@ -150,6 +150,12 @@ def finished(steps: Any) -> Any:
     return listed(steps)[1]
 
 
+def likeliest_shape(body: BodyModel, metres: float) -> np.ndarray:
+    """The betas nearest to the mean of somebody of this height."""
+    mean, by_betas = body.height
+    return (metres - mean) / (by_betas @ by_betas) * by_betas
+
+
 def without_correctives(body: BodyModel) -> BodyModel:
     return replace(body, pose_directions=0 * body.pose_directions)
 

@@ -24,7 +24,6 @@ from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import JOINTS, N_BETAS, BodyModel
 from fitting_core.fit.solvers.problem import Sample, SharedShape
 from fitting_core.fit.stages import IMAGE_SCALE, N_STAGES, Stages
-from fitting_core.fit.terms.height import HEIGHT_DEVIATION
 from fitting_core.fit.variables.state import Free, State
 from fitting_core.lens import filmed
 
@@ -36,6 +35,8 @@ PIECE = 0.05
 """Metres of outline whose errors are correlated."""
 FAR = 0.06
 """rho of the Geman-McClure function, metres."""
+_HEIGHT_DEVIATION = 0.015
+"""Metres, of the height from keypoints, which is held."""
 FEWEST, MOST = 3, 8
 """Minimum number of frames with a good silhouette, of the sampled ones."""
 ROUNDS, STEPS = 2, 3
@@ -179,7 +180,7 @@ class _HeldHeight:
     @staticmethod
     def of(stages: Stages, sampled: State) -> "_HeldHeight":
         columns, weight = stages.parametrisation.columns.betas, stages.config.weights.shape[N_STAGES - 1]
-        by_betas = weight / HEIGHT_DEVIATION * stages.body.height[1]
+        by_betas = weight / _HEIGHT_DEVIATION * stages.body.height[1]
         return _HeldHeight(by_betas=by_betas, before=_betas(sampled, columns), columns=columns)
 
     @property

@@ -29,7 +29,7 @@ class TermContext:
     """Evidence of each frame."""
     camera: Camera
     pelvis: Float[Tensor, "3"]
-    """Of the likeliest shape at rest, metres: the root rotates about it."""
+    """Of the mean shape at rest, metres: the root rotates about it."""
     near_start: Bool[Tensor, "T"]
     """Frames that are held near a given start, which determines the root's rotation and the legs."""
     hands_shown: bool

@@ -226,7 +226,7 @@ def _constants(term: JointLimits) -> Mapping[str, Any]:
 
 
 def _make(context: TermContext, looked: UsedKeypoints, s: int) -> Term | None:
-    weight, like = context.config.weights.limits[s], context.parametrisation.betas
+    weight, like = context.config.weights.limits[s], context.parametrisation.like
     if not weight:
         return None
     return replace(_of_weight_1(context.body, context.hands_shown, like.dtype, like.device), weight=weight)

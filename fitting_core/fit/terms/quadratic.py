@@ -97,7 +97,7 @@ def _l2(
         p = context.parametrisation
         values, columns = [getattr(context.config.weights, weight)[s] for weight in weights], where(p.columns)
         values += values[-1:] * (columns.stop - columns.start - len(values))
-        return Quadratic(name, columns, p.betas.new_tensor(values), target(p))
+        return Quadratic(name, columns, p.like.new_tensor(values), target(p))
 
     return Entry(name=name, kind=Quadratic, about=about, make=make, weights=weights, kernel=KERNEL)
 
@@ -106,7 +106,7 @@ def held_depth(context: TermContext, depth: Float[Tensor, "T"]) -> Quadratic:
     """In the camera step: the body stays near a guessed distance (metres)."""
     p = context.parametrisation
     z = p.columns.translation.stop - 1
-    return Quadratic("depth", slice(z, z + 1), p.betas.new_tensor([DEPTH_WEIGHT]), depth[:, None])
+    return Quadratic("depth", slice(z, z + 1), p.like.new_tensor([DEPTH_WEIGHT]), depth[:, None])
 
 
 _SHAPE = _l2(
@@ -114,7 +114,6 @@ _SHAPE = _l2(
     "the shape's betas are small",
     lambda columns: columns.betas,
     "shape",
-    target=lambda p: p.betas,
 )
 
 
@@ -154,7 +153,7 @@ ENTRIES = (
         "the pose is likely under the [pose prior](bodies.md#pose-priors)",
         lambda columns: columns.body,
         "body_pose",
-        target=lambda p: p.prior.neutral.to(p.betas),
+        target=lambda p: p.prior.neutral.to(p.like),
     ),
     replace(_HANDS, make=_stated_hands),
     _l2(

@@ -54,7 +54,7 @@ def _make(context: TermContext, looked: UsedKeypoints, s: int) -> Term | None:
         return None
     turned = torch.as_tensor(context.turned[:, POSE_JOINTS["body_pose"]], device=p.device)
     unknown = ~turned.repeat_interleave(3, 1)
-    return Rest(weight * unknown.to(p.betas), p.prior.decode(p.prior.neutral.to(p.betas)[None])[0])
+    return Rest(weight * unknown.to(p.like), p.prior.decode(p.prior.neutral.to(p.like)[None])[0])
 
 
 ENTRY = Entry(

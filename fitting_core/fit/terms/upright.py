@@ -34,7 +34,7 @@ class Upright(Term):
         unheld = ~(context.observations.leg_seen | context.near_start)
         if not (lean or turn) or not bool(unheld.any()):
             return None
-        unheld = unheld.to(context.parametrisation.betas)
+        unheld = unheld.to(context.parametrisation.like)
         return Upright(lean * unheld, turn * unheld)
 
     def residual(self, e: Estimate) -> Tensor:

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -143,23 +142,20 @@ class Parametrisation:
         prior: PosePrior,
         *,
         hand_components: int,
-        betas: Float[np.ndarray, "10"] | None = None,
         dtype: torch.dtype,
         device: torch.device | str = "cpu",
     ) -> None:
         self.prior = prior
         self.dtype, self.device = dtype, torch.device(device)
         self.columns = Columns(prior.size, hand_components)
-        like = torch.zeros(0, dtype=dtype, device=device)
-        self.betas = torch.as_tensor(np.zeros(N_BETAS) if betas is None else betas).to(like)
-        """The likeliest shape; None above: the mean one."""
-        self.hand_basis, self.hand_mean = hand_basis(body, hand_components, like)
+        self.like = torch.zeros(0, dtype=dtype, device=device)
+        """Of the type and on the device of its numbers."""
+        self.hand_basis, self.hand_mean = hand_basis(body, hand_components, self.like)
 
     def neutral(self, frames: int) -> State:
-        """The prior's neutral pose, mean hands, the likeliest shape, unit orientation, at the origin."""
+        """The prior's neutral pose, mean hands, the mean shape, unit orientation, at the origin."""
         vector = torch.zeros(frames, self.columns.total, dtype=self.dtype, device=self.device)
         vector[:, self.columns.body] = self.prior.neutral.to(vector)
-        vector[:, self.columns.betas] = self.betas
         return State(torch.eye(3, dtype=self.dtype, device=self.device).expand(frames, 3, 3).clone(), vector)
 
     def body_pose(self, state: State) -> Float[Tensor, "B 63"]:

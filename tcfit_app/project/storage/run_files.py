@@ -9,6 +9,7 @@
 runs of earlier versions and imported motions have none |
 | phase3_joint_error_bars, phase3_angle_error_bars | (T, 22, 2), (T, 13) | as in fit.npz; missing if unknown |
 | observed | (T, 55) | as in FitResult |
+| size | () | as in FitResult; missing if unknown |
 | start_there, start_points, start_off, start_betas, ... | (T, ...) | the `GivenStart` of phase 1, if any |
 | gravity, ground, contacts, ... | | see fitting_core/ground/arrays.py; runs of earlier versions have none |
 | about | () | JSON: camera, phases, warnings, pose prior, the given start, format |
@@ -30,6 +31,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz
+from fitting_core.fit.size import earlier_size, size_from
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
 from fitting_core.results.error_bars import error_bar_arrays, error_bars_from
 from fitting_core.results.fit_result import FitResult, PhaseResult
@@ -87,7 +89,7 @@ def write_run(path: Path, fit: FitResult) -> None:
         start=None if fit.start is None else fit.start.about,
     )
     arrays: dict[str, Any] = {"observed": fit.observed, "about": msgspec.json.encode(about).decode()}
-    arrays |= grounding_arrays(fit.grounding)
+    arrays |= grounding_arrays(fit.grounding) | ({} if fit.size is None else {"size": fit.size})
     if (start := fit.start) is not None:
         arrays |= {_START + name: getattr(start, name) for name in _START_WIDTHS}
         arrays |= {_START + name: getattr(start.params, name).detach().cpu().numpy() for name in _NAMES}
@@ -128,7 +130,7 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
         frames = len(phases[0].params)
         observed = _shaped(arrays, "observed", (frames, OBSERVED)).astype(bool)
         grounding = grounding_from(arrays, frames)
-        start = _start(arrays, about.start, frames)
+        start, size = _start(arrays, about.start, frames), size_from(arrays) or earlier_size(config)
         if about.camera.path is not None and not (is_possible(about.camera) and len(about.camera.path) == frames):
             raise ValueError("its camera path does not match its frames")
     except FileNotFoundError as error:
@@ -144,6 +146,7 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
         pose_prior=about.pose_prior,
         grounding=grounding,
         start=start,
+        size=size,
     )
 
 

@@ -78,7 +78,7 @@ def result(body: BodyModel) -> Callable[..., Result]:
         )
         observed = np.random.default_rng(0).random((FRAMES, 55)) < 0.5
         fit = FitResult(
-            phases=phases, camera=CAMERA, config=PRESETS["paper"], observed=observed, warnings=("gap in 3",)
+            phases=phases, camera=CAMERA, config=PRESETS["paper"], observed=observed, warnings=("gap in 3",), size=0.9
         )
         return fit, clip, body
 
@@ -103,7 +103,7 @@ def test_round_trip(tmp_path: Path, result: Callable[..., Result], last_phase: i
     assert (stored.camera, stored.frame_rate, stored.first_frame) == (CAMERA, 29.97, 7)
     assert (stored.gender, stored.body_kind, stored.body_hash) == ("female", "smplx", body.hash)
     assert (stored.last_phase, stored.complete) == (last_phase, last_phase == 3)
-    assert (stored.observed == fit.observed).all() and stored.provenance is None
+    assert (stored.observed == fit.observed).all() and stored.provenance is None and stored.size == 0.9
     assert stored.keypoints is not None and stored.detector == "mediapipe"
     np.testing.assert_allclose(stored.keypoints.xy, clip.keypoints.xy, rtol=1e-6)
     np.testing.assert_allclose(stored.keypoints.confidence, clip.keypoints.confidence, rtol=1e-6)
@@ -288,6 +288,7 @@ def _without(name: str) -> Callable[[dict], dict]:
         (lambda a: a | {"joint_error_bars": a["joint_error_bars"][:-1]}, "has the shape"),
         (lambda a: a | {"angle_error_bars": -a["angle_error_bars"]}, "below 0"),
         (_without("angle_error_bars"), "lacks"),
+        (lambda a: a | {"size": np.float64(np.nan)}, "its size is nan"),
     ],
 )
 def test_broken_files_are_named(

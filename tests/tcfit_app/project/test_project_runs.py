@@ -104,13 +104,15 @@ def test_what_a_fit_began_with_comes_back(tmp_path: Path):
 def test_a_run_of_an_earlier_version_opens(tmp_path: Path):
     """It tells nothing of where frames came from nor of the ground, and has a number that nothing reads any more."""
     fit = sample_fit(1)
-    before = replace(fit, phases=tuple(replace(p, provenance=None) for p in fit.phases), grounding=None)
+    before = replace(fit, phases=tuple(replace(p, provenance=None) for p in fit.phases), grounding=None, size=None)
     write_run(tmp_path / "1.npz", before)
     arrays = dict(np.load(tmp_path / "1.npz", allow_pickle=False))
     assert not [name for name in arrays if name.endswith(("start", "stopped"))] and "gravity" not in arrays
     arrays["about"] = np.array(str(arrays["about"])[:-1] + ',"sharpness":1.0}')
     np.savez(tmp_path / "2.npz", allow_pickle=False, **arrays)
     assert_same_fit(read_run(tmp_path / "2.npz", CONFIG), before)
+    # A given height was then the fit's own from the beginning, beside the 1.71 m of the lifter's people.
+    assert read_run(tmp_path / "2.npz", replace(CONFIG, height=180.0)).size == pytest.approx(1.80 / 1.71)
 
 
 def test_phases_are_kept_while_a_run_goes_on(project: Project):

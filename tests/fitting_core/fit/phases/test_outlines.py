@@ -17,7 +17,7 @@ from fitting_core.fit.stages import Stages
 from fitting_core.measure.mesh.volume import Enclosed
 from fitting_core.render.rasterize import rasterize
 from fitting_core.silhouettes import Silhouettes, silhouette_size
-from tests.samples.scenes import CAMERA, keypoints_of, random_params
+from tests.samples.scenes import CAMERA, keypoints_of, likeliest_shape, random_params
 
 FRAMES = 4
 STOUT = np.array([0.2, 0.0, 0.0, 1.8, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -47,7 +47,7 @@ def silhouettes_of(body: BodyModel, params: BodyParams, clothes: float | Float[n
 
 def found(body: BodyModel, truth: BodyParams, silhouettes: Silhouettes) -> OutlinedShape | None:
     """From exact keypoints and poses, and a shape as tall as the true one that is not stout at all."""
-    lean = body.betas_of_height(body.height[0] + float(body.height[1] @ STOUT))
+    lean = likeliest_shape(body, body.height[0] + float(body.height[1] @ STOUT))
     config = FitConfig(pose_prior="axis_angle", silhouettes=True)
     stages = Stages.of(keypoints_of(body, truth), CAMERA, body, config, silhouettes=silhouettes)
     start = stages.parametrisation.from_params(replace(truth, betas=torch.as_tensor(lean).expand(FRAMES, 10)))

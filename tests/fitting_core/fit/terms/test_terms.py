@@ -58,7 +58,6 @@ CONFIG = FitConfig(
     ),
     pose_prior="relaxed", neck_weight=0.25, hip_weight=0.75, robust_pixels=80.0, robust_pixels_fine=30.0,
     robust_at_height=1000.0, one_sided_cut_off=True, robust_deviations=2.5,
-    height=150.0,
 )  # fmt: skip
 """Every weight another, so that no term can take another's. Collision and limits have tests of their own."""
 LEGS = [kp.INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("hip", "knee", "ankle")]
@@ -237,7 +236,7 @@ def one_side(scene: Scene, frame: int, i: int, axis: int) -> int:
 def relative_position_by_hand(scene: Scene) -> list[float]:
     mesh, known = Mesh(scene.body, dtype=torch.float64), scene.stages.observations
     vertices, joints = mesh(scene.params).numpy(), mesh.joints(scene.params).numpy()
-    pelvis = scene.body.with_shape(likeliest_shape(scene)).rest_joints[0]
+    pelvis = scene.body.rest_joints[0]
     costs = []
     for b, frame in enumerate(FRAMES.tolist()):
         cost = 0.0
@@ -278,21 +277,6 @@ def rest_by_hand(scene: Scene) -> list[float]:
                 cost += 31.0**2 * sum((scene.params.body_pose[b, 3 * (j - 1) : 3 * j].numpy() - target) ** 2)
         costs.append(cost)
     return costs
-
-
-def height_by_hand(scene: Scene) -> list[float]:
-    """Of the vertices that are the lowest and the highest one of the mean shape."""
-    low, high = scene.body.template[:, 1].argmin(), scene.body.template[:, 1].argmax()
-    bodies = [scene.body.with_shape(betas.numpy()).template[:, 1] for betas in scene.params.betas]
-    return [(7 / 0.015) ** 2 * (body[high] - body[low] - 1.5) ** 2 for body in bodies]
-
-
-def likeliest_shape(scene: Scene) -> np.ndarray:
-    """Of all shapes of 1.5 m the one of the least squared betas, by Lagrange's multiplier."""
-    low, high = scene.body.template[:, 1].argmin(), scene.body.template[:, 1].argmax()
-    by = scene.body.shape_directions[high, 1] - scene.body.shape_directions[low, 1]
-    system = np.block([[2 * np.eye(10), by[:, None]], [by[None], np.zeros((1, 1))]])
-    return np.linalg.solve(system, [*np.zeros(10), 1.5 - np.ptp(scene.body.template[:, 1])])[:10]
 
 
 def neutral_pose(scene: Scene) -> np.ndarray:
@@ -387,9 +371,8 @@ BY_HAND = {
     "held_position": held_position_by_hand,
     "body_pose": body_pose_by_hand,
     "hand_pose": hand_pose_by_hand,
-    "shape": lambda s: squares(s.params.betas - torch.as_tensor(likeliest_shape(s)), 7.0),
-    "shared_shape": lambda s: squares(s.params.betas - torch.as_tensor(likeliest_shape(s)), 7.0),
-    "height": height_by_hand,
+    "shape": lambda s: squares(s.params.betas, 7.0),
+    "shared_shape": lambda s: squares(s.params.betas, 7.0),
     "expression": lambda s: squares(s.params.expression, 11.0),
     "jaw": jaw_by_hand,
     "bending": bending_by_hand,
