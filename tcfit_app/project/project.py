@@ -38,7 +38,7 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import sweep, sweep_beside
 from fitting_core.io.people_file import refuse_several
-from fitting_core.keypoints import Keypoints
+from fitting_core.keypoints import KeptDepth, Keypoints
 from fitting_core.lens import filmed_keypoints, straightened_keypoints
 from fitting_core.measure.references.reference import Reference
 from fitting_core.silhouettes import Silhouettes
@@ -212,6 +212,12 @@ class Project:
         """Keypoints taken over from other people of the clip, oldest first."""
         with self._guard:
             return self._history.exchanges
+
+    @property
+    def kept(self) -> tuple[KeptDepth, ...]:
+        """The current offsets, also in `clip.keypoints`, which take longer."""
+        with self._guard:
+            return self._history.kept
 
     @property
     def corrected(self) -> Corrected:

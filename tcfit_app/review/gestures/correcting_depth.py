@@ -234,7 +234,7 @@ class CorrectingDepth:
 
     def kept(self) -> tuple[KeptDepth, ...]:
         """The offsets of the selected keypoints in the frame on show, or in any selected one."""
-        tab, every = self._tab, self._tab.session.project.clip.keypoints.kept
+        tab, every = self._tab, self._tab.session.project.kept
         shown = tab.shown.b
         if not every or shown is None:
             return ()

@@ -54,7 +54,7 @@ def _of_one(tab: Tab, state: str, frame: int, joint: int) -> str:
         parts.append(f"{depth_words(*[round(100 * depth)] * 2).capitalize()}.")
     if corrected[frame].locked[joint] or corrected[[frame]].keypoints().overruled[0, joint]:
         parts.append("Rotation locked." if joint in LOCKABLE else "In a given hand shape.")
-    if any(one.keypoint == joint and frame in one.frames for one in tab.session.project.clip.keypoints.kept):
+    if any(one.keypoint == joint and frame in one.frames for one in tab.session.project.kept):
         parts.append("Its depth has a kept offset.")
     if state not in ("marked bad", "not detected") and (gap := _gap(tab, frame, joint)) is not None:
         parts.append(f"The fit is {gap:.0f} px away.")
