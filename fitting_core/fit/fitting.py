@@ -335,10 +335,10 @@ class _Fit:
         notes = (f"shape from frames {frames}", *found.notes) if self.shape is None else (self.shape.sentence(),)
         before = poses or self.stages.parametrisation.to_params(state)
         params = with_shape(self.body, before, np.tile(betas, (len(before), 1)))
-        ratio = float(height_of(self.body, betas) / height_of(self.body, own))
-        self.size = ratio * self.stages.fitted.size
+        self.size = self.stages.fitted.size * float(height_of(self.body, betas) / height_of(self.body, own))
         yield self._finish(2, one_shape, start, notes, sample=(found.state, found.frames), params=params)
-        self.stages = self.stages.scaled(ratio)
+        sized = Stages.of_clip(self.clip, self.body, self.config, start=self.start, size=self.size)
+        self.stages = replace(sized, lifter=self.stages.lifter)
         for where, values in ((columns.betas, params.betas), (columns.translation, params.camera_translation)):
             state = state.with_columns(where, values.to(state.vector))
         return state

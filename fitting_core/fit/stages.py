@@ -152,17 +152,19 @@ class Stages:
             silhouettes: the person's outlines, used if `config.silhouettes` says so.
         """
         fitted, reference = FittedBody(body, config), config.temporal.reference_rate
+        size = size or fitted.size
         observations = Observations.of(
             keypoints, camera, config, detector=detector, dtype=fitted.dtype, device=fitted.device
         )
         lifter = LifterEvidence(observations.keypoints, camera, frame_rate)
         if any(config.weights.relative_position):
-            observations = observations.lifted(lifter.lifted, size=fitted.size)
+            observations = observations.lifted(lifter.lifted, size=size)
         if start is not None and config.start_deviation is not None:
             start = corrected_start(start, keypoints, camera)
-            observations = observations.near(start.points, start.deviation(config.start_deviation))
+            ratio = size / fitted.size
+            observations = observations.near(ratio * start.points, ratio * start.deviation(config.start_deviation))
         return Stages(
-            observations=observations if size is None else observations.scaled(size / fitted.size),
+            observations=observations,
             camera=camera,
             fitted=fitted,
             config=config,
@@ -188,10 +190,6 @@ class Stages:
             size=size,
             silhouettes=clip.silhouettes,
         )
-
-    def scaled(self, ratio: float) -> "Stages":
-        """The same stages with what the lifter and a given start say in metres scaled."""
-        return replace(self, observations=self.observations.scaled(ratio))
 
     def holding(self, stances: Stances) -> "Stages":
         """The same stages with the standing feet held in place."""

@@ -293,7 +293,8 @@ def _depths(fit: PosedFit) -> Iterator[Finding]:
     """
     keypoints = unswapped(fit.clip.keypoints)[0]
     lifted = lifted_keypoints(keypoints, fit.clip.camera, fit.clip.frame_rate)
-    points, deviations = with_kept(keypoints.kept, lifted.points, lifted.depth_deviation)
+    size = fit.size or 1.0
+    points, deviations = with_kept(keypoints.kept, size * lifted.points, size * lifted.depth_deviation)
     farther = fit.points[:, _ENDS, 2] - fit.root[:, None, 2] - points[:, _ENDS, 2]
     unsure = deviations[:, _ENDS, 2]
     seen = seen_confidence(keypoints, fit.clip.camera)[:, _ENDS] > SEEN

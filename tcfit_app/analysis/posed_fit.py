@@ -50,6 +50,8 @@ class PosedFit:
     """Frames with a pose; None: all. Nothing is measured in the others."""
     grounding: Grounding | None = None
     """Floor and contacts of the feet; None if unknown."""
+    size: float | None = None
+    """`FitResult.size`; None if unknown, and of phase 1, which does not have it yet."""
 
     @staticmethod
     def of(
@@ -79,7 +81,8 @@ class PosedFit:
                 seen, keypoints=replace(seen.keypoints, confidence=seen.keypoints.confidence * there[:, None])
             )
         found = PosedFit.posed(seen, chosen.params, meshes, space=space, bad=bad, frame_cost=chosen.frame_cost)
-        return replace(found, there=there, error_bars=chosen.error_bars, grounding=fit.grounding)
+        size = fit.size if chosen.phase > 1 else None
+        return replace(found, there=there, error_bars=chosen.error_bars, grounding=fit.grounding, size=size)
 
     @staticmethod
     def posed(

@@ -222,16 +222,6 @@ class Observations:
         deviations[:, kp.BODY] = torch.where(own.isfinite(), (apart / precision).sqrt(), spread)
         return replace(self, relative_position=position, relative_position_deviation=deviations)
 
-    def scaled(self, ratio: float) -> "Observations":
-        """With relative positions and their deviations scaled, except depths that a person set."""
-        factor = torch.full_like(self.relative_position, ratio)
-        factor[..., 2].masked_fill_(self.depth_by_hand, 1.0)
-        return replace(
-            self,
-            relative_position=factor * self.relative_position,
-            relative_position_deviation=factor * self.relative_position_deviation,
-        )
-
     def held(self, stances: Stances) -> "Observations":
         """With standing feet held in place."""
         position, deviation = (torch.as_tensor(a).to(self.xy) for a in (stances.position, stances.deviation))

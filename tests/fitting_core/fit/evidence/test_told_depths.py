@@ -128,6 +128,11 @@ def test_a_fit_follows_a_kept_depth_in_all_frames(clip: Clip, params: BodyParams
     alone, everywhere, plain = (fitted(one, "tcfit") for one in (there, lasting, clip))
     assert abs(alone - plain)[0] < 0.02 < 0.5 * (everywhere - plain)[0]
     np.testing.assert_array_equal(fitted(lasting, "paper"), fitted(there, "paper"))
+    # Of a taller person, whose lifted points are farther from the pelvis, that depth is what the lifter says.
+    agreed = replace(kept, depths={frame: 1.2 * points[frame, WRIST, 2]})
+    tall = replace(clip, keypoints=replace(clip.keypoints, kept=(agreed,)))
+    observed = Stages.of_clip(tall, body, config_of("tcfit"), size=1.2).observations.relative_position[:, WRIST]
+    np.testing.assert_allclose(observed, 1.2 * points[:, WRIST])
 
 
 def test_a_depth_of_a_frame_goes_before_the_offset(clip: Clip, params: BodyParams):
