@@ -4,9 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import Float
+
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
+from fitting_core.relation import Relation
 from fitting_core.silhouettes import Silhouettes
 
 
@@ -30,6 +34,8 @@ class Clip:
     """Where a detector found them: of the images as they were filmed."""
     found_by: str = ""
     """Name and version of the detector where tcfit found the keypoints itself; empty where they were given."""
+    views: "tuple[OtherView, ...]" = ()
+    """Other views of the person at the same time, related to this one (see `fit.views`)."""
 
     def __len__(self) -> int:
         return len(self.keypoints)
@@ -48,3 +54,14 @@ class Clip:
         if not 0 <= frame < len(self):
             raise InputError(f"There is no frame {frame} to correct: the clip has frames 0 to {len(self) - 1}.")
         return replace(self, keypoints=self.keypoints.corrected(frame, points))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OtherView:
+    """A clip of the same person at the same time by another camera."""
+
+    clip: Clip
+    times: Float[np.ndarray, "T"] | None = None
+    """Seconds of each frame; None: at the clip's frame rate."""
+    relation: Relation | None = None
+    """To the first clip; None until it is estimated."""

@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
 from typing import Concatenate, ParamSpec, TypeVar
@@ -14,7 +14,7 @@ from torch import Tensor
 
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.clip import Clip
+from fitting_core.clip import Clip, OtherView
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import (
@@ -42,6 +42,7 @@ from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.uncertainty.calibration import error_bars
 from fitting_core.fit.variables.state import State
+from fitting_core.fit.views.relating import related
 from fitting_core.keypoints import SEEN
 from fitting_core.results.error_bars import ErrorBars
 from fitting_core.results.fit_result import FitResult, PhaseResult
@@ -145,13 +146,16 @@ def fit_clip(
     *,
     start: GivenStart | None = None,
     shape: KnownShape | None = None,
+    views: Sequence[OtherView] = (),
     tell: Callable[[FitEvent], object] = lambda event: None,
 ) -> FitResult:
     """Fit a clip to its end. Arguments and errors as of `fit_events`, and:
 
     Args:
+        views: Other clips of the person at the same time, in addition to `clip.views`.
         tell: receives each event; what it raises cancels the fit.
     """
+    clip = related(clip, (*clip.views, *views)) if views else clip
     return drained(mapped(fit_events(clip, body, config, start=start, shape=shape), tell))
 
 

@@ -18,13 +18,14 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.collision.colliding_body import CollidingBody
 from fitting_core.fit.evidence.given_start import corrected_start
-from fitting_core.fit.evidence.observations import LIFTED_HEIGHT, LifterEvidence, Observations, Stances
+from fitting_core.fit.evidence.observations import LIFTED_HEIGHT, LifterEvidence, Observations, PointsInSpace, Stances
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.terms.context import TermContext, UsedKeypoints
 from fitting_core.fit.terms.positions import evidence_weight
 from fitting_core.fit.terms.table import camera_terms, stage_terms
 from fitting_core.fit.variables.estimate import SolverView
 from fitting_core.fit.variables.state import Free, Parametrisation, State
+from fitting_core.fit.views.evidence import points_in_space
 from fitting_core.keypoints import Keypoints
 from fitting_core.priors.pose import make_prior
 from fitting_core.results.given_start import GivenStart
@@ -137,6 +138,7 @@ class Stages:
         start: GivenStart | None = None,
         size: float | None = None,
         silhouettes: Silhouettes | None = None,
+        located: PointsInSpace | None = None,
     ) -> "Stages":
         """The stages of a whole clip.
 
@@ -150,6 +152,7 @@ class Stages:
             start: what phase 1 begins with, and what is held near it if `config.start_deviation` says so.
             size: of the person, `FitResult.size`; None: as a fit begins.
             silhouettes: the person's outlines, used if `config.silhouettes` says so.
+            located: points that other views locate, used if the lifter's are.
         """
         fitted, reference = FittedBody(body, config), config.temporal.reference_rate
         size = size or fitted.size
@@ -159,6 +162,7 @@ class Stages:
         lifter = LifterEvidence(observations.keypoints, camera, frame_rate)
         if any(config.weights.relative_position):
             observations = observations.lifted(lifter.lifted, size=size)
+            observations = observations if located is None else observations.viewed(located, size=size)
         if start is not None and config.start_deviation is not None:
             start = corrected_start(start, keypoints, camera)
             ratio = size / fitted.size
@@ -178,7 +182,7 @@ class Stages:
     def of_clip(
         clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None, size: float | None = None
     ) -> "Stages":
-        """The same for a clip, with its detector and frame rate."""
+        """The same for a clip, with its detector, frame rate and other views."""
         return Stages.of(
             clip.keypoints,
             clip.camera,
@@ -189,6 +193,7 @@ class Stages:
             start=start,
             size=size,
             silhouettes=clip.silhouettes,
+            located=points_in_space(clip) if clip.views else None,
         )
 
     def holding(self, stances: Stances) -> "Stages":

@@ -57,6 +57,18 @@ def stances(contacts: Contacts, feet: Float[np.ndarray, "T 2 4 3"], camera: Came
     return Stances(position=camera.from_still(position), deviation=deviation)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PointsInSpace:
+    """Keypoints relative to the pelvis, if the person is as tall as the average adult."""
+
+    points: Float[np.ndarray, "T 137 3"]
+    """Metres in camera axes."""
+    deviation: Float[np.ndarray, "T 137 3"]
+    """Metres; infinite where unknown."""
+    outvoted: Bool[np.ndarray, "T 137"]
+    """Detections of the first view that do not count: another view disagrees and is surer."""
+
+
 UNSURE = 0.25
 """Standard deviation in metres above which the lifter is ignored for a keypoint."""
 LIFTED_HEIGHT = 1.71
@@ -197,6 +209,26 @@ class Observations:
             self.depth_by_hand, self.relative_position_deviation[..., 2], deviations[..., 2]
         )
         return replace(self, relative_position=position, relative_position_deviation=deviations)
+
+    def viewed(self, found: PointsInSpace, *, size: float = 1.0) -> "Observations":
+        """With points that other views locate, except where a person set depths.
+
+        Args:
+            found: of this clip.
+            size: as in `lifted`.
+        """
+        deviation = torch.as_tensor(size * found.deviation).to(self.xy)
+        deviation[..., 2].masked_fill_(self.depth_by_hand, torch.inf)
+        known = deviation.isfinite()
+        points = torch.as_tensor(size * found.points).to(self.xy)
+        outvoted = torch.as_tensor(found.outvoted).to(self.xy.device)
+        return replace(
+            self,
+            confidence=self.confidence.masked_fill(outvoted, 0.0),
+            seen=self.seen & ~outvoted,
+            relative_position=torch.where(known, points, self.relative_position),
+            relative_position_deviation=torch.where(known, deviation, self.relative_position_deviation),
+        )
 
     def near(self, points: Float[np.ndarray, "T 25 3"], deviation: Float[np.ndarray, "T 25"]) -> "Observations":
         """With a given start's positions of body keypoints, except where a person set them.

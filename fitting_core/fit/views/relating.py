@@ -1,0 +1,139 @@
+"""How other views relate to the first clip, or why they do not."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.camera import path_of
+from fitting_core.clip import Clip, OtherView
+from fitting_core.errors import InputError
+from fitting_core.fit.views.pose import PairOfRays, Pose, alike, misses
+from fitting_core.fit.views.timing import candidates
+from fitting_core.fit.views.track import Track
+from fitting_core.relation import Relation
+
+_MOST_COST = 1.8
+"""Of a pose whose rays meet: right ones of synthetic and real pairs had 0.7 to 1.5, wrong ones 0.8 to 2.6."""
+_LEAST_ALIKE = 0.6
+"""Of motions that are the same: right ones had 0.67 to 0.98, wrong ones up to 0.52, but for one of 0.71."""
+_LEAST_MOTION = 1.2
+"""In standard deviations of the keypoints' noise: with less the offset cannot be told."""
+_MOST_DISAGREEMENT = 0.015
+"""Radians."""
+_MOST_UNSURE = 15.0
+"""Degrees by which the direction from camera to camera may be unsure."""
+_SAME_OFFSET = 0.03
+"""Seconds."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Found:
+    pose: Pose
+    alike: float
+    motion: tuple[float, float]
+
+    @property
+    def score(self) -> float:
+        """Less is better: short overlaps with few keypoints meet well anywhere, but move differently."""
+        return self.pose.cost / max(self.alike, 0.05)
+
+
+def related(clip: Clip, views: Sequence[OtherView]) -> Clip:
+    """The clip with other views of its person, each related to it.
+
+    Args:
+        clip: The first view, at its frame rate.
+        views: The others; those with a relation keep it.
+
+    Raises:
+        InputError: A view does not show the same person at the same time, or it cannot be told.
+    """
+    first = Track(clip)
+    return replace(clip, views=tuple(view if view.relation else _related(first, view) for view in views))
+
+
+def _related(first: Track, view: OtherView) -> OtherView:
+    names = f"{view.clip.name} as another view of {first.clip.name}"
+    for clip in (first.clip, view.clip):
+        if clip.camera.path is not None:
+            raise InputError(f"{names}: the camera of {clip.name} moves; expected cameras that stand still.")
+        if len(clip) < 2:
+            raise InputError(f"{names}: {clip.name} has {len(clip)} frame; expected two clips of some seconds.")
+    if view.times is not None and (len(view.times) != len(view.clip) or not (np.diff(view.times) > 0).all()):
+        raise InputError(f"{names}: {len(view.times)} times for {len(view.clip)} frames; expected one each, rising.")
+    other = Track(view.clip, view.times)
+    for track in (first, other):
+        if not (track.confidence[:, :25] > 0).any():
+            raise InputError(f"{names}: {track.clip.name} shows no person.")
+    best = min(_poses(first, other), key=lambda found: found.score, default=None)
+    if best is None:
+        raise InputError(f"{names}: at no offset in time do both show enough of a person; expected a second or more.")
+    relation = _relation(first, other, best.pose)
+    if reason := _doubt(first, other, best, relation):
+        raise InputError(f"{names}: {reason}")
+    return replace(view, relation=relation)
+
+
+def _poses(first: Track, other: Track) -> Iterator[_Found]:
+    """From the likeliest offsets; none again where three starts have led to the same."""
+    offsets = list[float]()
+    for offset, rotation in candidates(first, other):
+        pair = PairOfRays(first, other, rotation, offset)
+        if not pair.enough:
+            continue
+        pose = pair.refined()
+        correlation, *motion = alike(first, other, pose)
+        yield _Found(pose=pose, alike=correlation, motion=(motion[0], motion[1]))
+        offsets.append(pose.offset)
+        if len(offsets) >= 3 and np.ptp(offsets) < _SAME_OFFSET:
+            return
+
+
+def _relation(first: Track, other: Track, pose: Pose) -> Relation:
+    times = first.times
+    rays, weights = first.smoothed_at(times)
+    others, sure = other.smoothed_at(times + pose.offset)
+    miss = abs(misses(rays, others, pose.rotation, pose.direction, (1.0, 1.0)))[weights * sure > 0]
+    path = path_of(pose.rotation[None], pose.direction[None] * pose.distance)
+    turn, way, late = pose.deviations.tolist()
+    ups = pose.rotation @ _up(first), _up(other)
+    return Relation(
+        rotation=path.rotation[0],
+        translation=path.translation[0],
+        offset=pose.offset,
+        rotation_deviation=turn,
+        direction_deviation=way,
+        offset_deviation=late,
+        disagreement=float(np.median(miss)) if len(miss) else float("inf"),
+        overlap=max(0.0, min(first.duration, other.duration - pose.offset) - max(0.0, -pose.offset)),
+        vertical_off=float(np.degrees(np.arccos(np.clip(ups[0] @ ups[1], -1, 1)))),
+    )
+
+
+def _up(track: Track) -> Float[np.ndarray, "3"]:
+    """Against gravity in camera space: from the pictures if they tell, else the lifter's."""
+    vertical = track.clip.camera.vertical
+    up = np.array(vertical.up) if vertical is not None else track.lifted.up.mean(0)
+    return up / max(float(np.linalg.norm(up)), 1e-9)
+
+
+def _doubt(first: Track, other: Track, best: _Found, relation: Relation) -> str:
+    """Why the relation is not believed; empty if it is."""
+    pose, (one, two) = best.pose, best.motion
+    if min(one, two) < _LEAST_MOTION and best.alike < _LEAST_ALIKE:
+        still = first.clip.name if one < two else other.clip.name
+        return (
+            f"in {still} the person moves too little while both show enough of them ({relation.overlap:.1f} s at the "
+            "likeliest offset), so the offset in time cannot be told; expected a movement that both show."
+        )
+    if best.alike < _LEAST_ALIKE or pose.cost > _MOST_COST or relation.disagreement > _MOST_DISAGREEMENT:
+        return (
+            f"at the likeliest offset in time ({pose.offset:+.2f} s) its keypoints miss those of {first.clip.name} by "
+            f"{1e3 * relation.disagreement:.0f} mrad in the median, and the movements agree to "
+            f"{max(best.alike, 0):.0%}; expected the same person at the same time."
+        )
+    if pose.deviations[1] > _MOST_UNSURE:
+        return "too few keypoints are shown by both, so it cannot be told where the cameras stand."
+    return ""
