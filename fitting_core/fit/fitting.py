@@ -4,7 +4,7 @@ import threading
 import time
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
-from functools import wraps
+from functools import partial, wraps
 from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
@@ -58,6 +58,11 @@ PHASE_TITLES = {1: "every frame on its own", 2: "one shape", 3: "consistency ove
 
 KnownFrames = tuple[BodyParams, Bool[np.ndarray, "T"]]
 """Bodies of all frames, and which of them are known."""
+_FIRMNESS = (0.0, 0.2, 1.0)
+"""Shares of the weight of held feet in one run of phase 3 after the other: held gently first, they find a place that
+agrees better with the legs (evaluation/RESULTS/real_clips.md)."""
+_ROUGH = 1e-3
+"""`SolverSettings.sequence_tolerance` of all runs but the last: three of them take no longer than two precise ones."""
 
 
 class _OneThread:
@@ -208,13 +213,11 @@ def rerun_events(
     def with_fresh(state: State) -> BodyParams:
         return before.with_frames(frames, stages.parametrisation.to_params(state[inner]))
 
-    def held(state: State) -> Stages | None:
-        holding = holding_feet(whole, with_fresh(state))
-        return holding and holding.within(near)
-
     state = stages.parametrisation.from_params(params[slice(near.start, near.stop)])
     state = mirrored_as_told(stages, state, stages.all_frames[inner])
-    again = _twice(lambda state: consistency.rerun(state, moving), consistency, state, held)
+    again = _ever_firmer(
+        lambda state: consistency.rerun(state, moving), consistency, state, whole, params_of=with_fresh, near=near
+    )
     state = yield from _events(again, 3)
     known = Provenance(np.full(len(frames), Start.AGAIN, np.uint8), consistency.stopped[inner])
     return Refit(params=with_fresh(state), provenance=Provenance.unknown(len(clip)).with_frames(frames, known))
@@ -362,11 +365,8 @@ class _Fit:
         consistency = Consistency(self.stages, self.solver)
         mode = {"global": consistency.all_at_once, "sliding_window": consistency.sliding_window}
         run, to_params = mode[self.config.temporal.mode], self.stages.parametrisation.to_params
-
-        def held(state: State) -> Stages | None:
-            return holding_feet(self.stages, to_params(state))
-
-        state = yield from _events(_twice(run, consistency, state, held), 3)
+        held = _ever_firmer(run, consistency, state, self.stages, params_of=to_params, near=range(len(state)))
+        state = yield from _events(held, 3)
         before = self.provenance or Provenance.unknown(len(state))
         self.provenance = replace(before, stopped=consistency.stopped)
         bars = error_bars(consistency.stages, state)
@@ -424,23 +424,44 @@ class _Fit:
         return (*self.start.about.notes, f"{self.start.about.sentence()} The fit is {hold}.")
 
 
-def _twice(
+def _ever_firmer(
     run: Callable[[State], Generator[PhaseStep, None, State]],
     consistency: Consistency,
     state: State,
-    held: Callable[[State], Stages | None],
+    whole: Stages,
+    *,
+    params_of: Callable[[State], BodyParams],
+    near: range,
 ) -> Generator[PhaseStep, None, State]:
-    """Phase 3, and again with the feet held where they stand after it, if any do.
+    """Phase 3, and again with the feet held where they stand after it, if any do: gently, and firmly where they stand
+    then. The result of phase 1 is too inaccurate in depth for holding.
 
-    The result of phase 1 is too inaccurate in depth for holding.
+    Args:
+        run: phase 3.
+        consistency: of `run`; keeps the stages with the feet held.
+        state: before phase 3.
+        whole: stages of all frames.
+        params_of: all frames, with what `run` found.
+        near: the frames of `consistency`.
     """
-    if not any(consistency.stages.config.weights.held_position):
+    config, solver, grounding = whole.config, consistency.solver, None
+    if not any(config.weights.held_position):
         return (yield from run(state))
-    state = yield from mapped(run(state), lambda step: step.between(0.0, 0.5))
-    if (stages := held(state)) is None:
-        return state
-    consistency.stages = stages
-    return (yield from mapped(run(state), lambda step: step.between(0.5, 1.0)))
+    tolerance = max(_ROUGH, config.settings.sequence_tolerance)
+    rough = make_solver(config.solver, replace(config.settings, sequence_tolerance=tolerance))
+    for k, firmness in enumerate(_FIRMNESS):
+        if firmness:
+            params = params_of(state)
+            grounding = grounding or grounding_of_params(whole, params)
+            held = holding_feet(whole, params, grounding, firmness=firmness)
+            if held is not None:
+                consistency.stages = held.within(near)
+            elif firmness < 1:
+                continue
+        consistency.solver = rough if firmness < 1 else solver
+        step = partial(PhaseStep.between, begin=k / len(_FIRMNESS), end=(k + 1) / len(_FIRMNESS))
+        state = yield from mapped(run(state), step)
+    return state
 
 
 def _events(steps: Generator[PhaseStep, None, Outcome], phase: int) -> Generator[FitEvent, None, Outcome]:

@@ -1,7 +1,7 @@
 """Gravity, contacts and floor of a fitted clip, and where its feet are held."""
 
 from fitting_core.body.params import BodyParams
-from fitting_core.fit.evidence.observations import stances
+from fitting_core.fit.evidence.observations import ACCURACY, stances
 from fitting_core.fit.stages import Stages
 from fitting_core.ground.feet import has_feet, sole_heights, stance_of
 from fitting_core.ground.grounding import Grounding, grounding_of
@@ -33,13 +33,16 @@ def grounding_of_params(stages: Stages, params: BodyParams) -> Grounding | None:
     )
 
 
-def holding_feet(stages: Stages, params: BodyParams, grounding: Grounding | None = None) -> Stages | None:
+def holding_feet(
+    stages: Stages, params: BodyParams, grounding: Grounding | None = None, *, firmness: float = 1.0
+) -> Stages | None:
     """The stages with feet held where they stand; None if there is nothing to hold.
 
     Args:
         stages: of the whole clip.
         params: all frames, in which the feet stand.
         grounding: of these; None: it is computed.
+        firmness: share of the weight of held feet.
     """
     if not any(stages.config.weights.held_position):
         return None
@@ -47,4 +50,4 @@ def holding_feet(stages: Stages, params: BodyParams, grounding: Grounding | None
     if grounding is None or not grounding.contacts.standing.any():
         return None
     feet = stages.camera.to_still(stance_of(stages.body, params).feet)
-    return stages.holding(stances(grounding.contacts, feet, stages.camera))
+    return stages.holding(stances(grounding.contacts, feet, stages.camera, accuracy=ACCURACY / firmness))

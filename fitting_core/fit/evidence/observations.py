@@ -37,7 +37,9 @@ class Stances:
     """Metres; infinite where nothing is held."""
 
 
-def stances(contacts: Contacts, feet: Float[np.ndarray, "T 2 4 3"], camera: Camera) -> Stances:
+def stances(
+    contacts: Contacts, feet: Float[np.ndarray, "T 2 4 3"], camera: Camera, *, accuracy: float = ACCURACY
+) -> Stances:
     """For every contact of a foot.
 
     They are not moved onto a common floor: the fit of a tilted floor, which a clip determines to a median of 7 degrees,
@@ -47,13 +49,14 @@ def stances(contacts: Contacts, feet: Float[np.ndarray, "T 2 4 3"], camera: Came
         contacts: Of the clip.
         feet: Still space, metres: ankle, heel, big and small toe of the left and the right foot.
         camera: Of the clip.
+        accuracy: Standard deviation of a standing foot's motion, metres.
     """
     position = np.zeros((len(feet), COUNT, 3))
     deviation = np.full((len(feet), COUNT), np.inf)
     for foot, points in enumerate(FOOT_POINTS):
         for run in runs_where(contacts.standing[:, foot]):
             position[run.start : run.stop, points] = np.median(feet[run, foot], axis=0)
-            deviation[run.start : run.stop, points] = ACCURACY
+            deviation[run.start : run.stop, points] = accuracy
     return Stances(position=camera.from_still(position), deviation=deviation)
 
 

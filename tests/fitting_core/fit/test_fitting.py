@@ -442,7 +442,7 @@ def test_phase_3_tells_what_its_solver_minimised(
     deviation = np.full((8, kp.COUNT), np.inf)
     deviation[:, kp.INDEX["left_ankle"]] = 0.02
     held = Stances(position=np.tile([0.1, 0.9, 3.0], (8, kp.COUNT, 1)), deviation=deviation)
-    monkeypatch.setattr(fitting, "holding_feet", lambda stages, *args: stages.holding(held))
+    monkeypatch.setattr(fitting, "holding_feet", lambda stages, *args, **options: stages.holding(held))
     config = replace(QUICK, weights=replace(NO_COLLISION, held_position=(10.0,) * 5))
     events = list(fit_events(short_clip, free_body, config))
     minimised = [event for event in events if isinstance(event, Iteration)][-1]
