@@ -29,6 +29,8 @@ def grounding_of_params(stages: Stages, params: BodyParams) -> Grounding | None:
         feet=camera.to_still(stance.feet),
         soles=sole_heights(body, params.betas.mean(0).double().numpy()),
         trunk=camera.turned_to_still(stance.trunk),
+        centre=camera.to_still(stance.centre),
+        upright=stance.upright,
         rolled=lifter.rolled,
     )
 

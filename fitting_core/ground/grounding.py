@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from fitting_core.camera import Camera
+from fitting_core.ground.balance import with_balance
 from fitting_core.ground.contacts import Contacts, contacts_of
 from fitting_core.ground.gravity import Gravity, RolledView, gravity_before_fit, told_gravity, with_trunk
 from fitting_core.ground.plane import Ground, ground_under
@@ -57,6 +58,8 @@ def grounding_of(
     feet: Float[np.ndarray, "T 2 4 3"],
     soles: Float[np.ndarray, "2 4"],
     trunk: Float[np.ndarray, "T 3"] | None = None,
+    centre: Float[np.ndarray, "T 3"] | None = None,
+    upright: Bool[np.ndarray, "T 2"] | None = None,
     rolled: Sequence[RolledView] = (),
 ) -> Grounding:
     """Gravity, contacts and floor from feet in space, such as a fitted body's.
@@ -70,11 +73,16 @@ def grounding_of(
         feet: Still space, metres: ankle, heel, big and small toe of the left and the right foot.
         soles: How high these are above the sole of a flat foot, metres.
         trunk: From pelvis to neck, still space; used if there is no ground.
+        centre: The body's centre of mass, still space, metres; with `upright` it tells the vertical of who stands.
+        upright: Whose foot may carry the body, as of `Stance`.
         rolled: Tells the camera's roll; without it, the camera is assumed level.
     """
     told = told_gravity(camera)
     gravity = told or gravity_before_fit(lifted, confidence, camera, rolled)
     contacts = contacts_of(xy, confidence, lifted, gravity, camera, frame_rate, feet)
+    if not told and centre is not None and upright is not None:
+        gravity = with_balance(gravity, centre, feet, contacts.standing & upright, frame_rate)
+        contacts = contacts_of(xy, confidence, lifted, gravity, camera, frame_rate, feet)
     found = ground_under(feet, soles, contacts, gravity, frame_rate)
     if isinstance(found, str):
         gravity = gravity if trunk is None or told else with_trunk(gravity, trunk)

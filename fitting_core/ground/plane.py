@@ -10,7 +10,7 @@ from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.gravity import Gravity
 
 _LEAST = 0.2
-"""Seconds of standing, both feet summed, needed for a floor."""
+"""Seconds of standing, both feet summed, needed for a floor; in shorter clips and photographs, one foot throughout."""
 _LEAST_SEEN = 0.05
 """Share of frames in which a foot must be in the image to conclude that none stands."""
 _LOWEST = 10
@@ -59,7 +59,7 @@ def ground_under(
         return "the up direction is uncertain"
     if contacts.seen.any(1).mean() < _LEAST_SEEN:
         return "the feet are not in the image"
-    if contacts.standing.sum() / frame_rate < _LEAST:
+    if contacts.standing.sum() < min(_LEAST * frame_rate, len(contacts.standing)):
         return "no foot stands still in the image"
     # Heights along `up` from the camera, which is above the floor: negative for feet.
     heights = lowest(feet, soles, gravity.up)

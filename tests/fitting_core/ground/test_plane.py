@@ -63,6 +63,15 @@ def grounding(made: Walker) -> Grounding:
     return grounding_before_fit(made.xy, made.confidence, made.lifted(), CAMERA, RATE)
 
 
+def test_a_photograph_has_a_floor_if_a_foot_stands():
+    made, frame = walker(), slice(10, 11)
+    gravity, contacts = Gravity(up=made.up, deviation=3.0), true_contacts(made)[frame]
+    found = ground_under(made.feet[frame], SOLES, contacts, gravity, RATE)
+    assert contacts.standing.any() and isinstance(found, Ground) and found.offset == pytest.approx(HEIGHT, abs=1e-6)
+    jumping = replace(contacts, standing=np.zeros((1, 2), bool))
+    assert ground_under(made.feet[frame], SOLES, jumping, gravity, RATE) == "no foot stands still in the image"
+
+
 def test_a_part_has_its_own_contacts_and_the_same_floor():
     whole = grounding(walker())
     part = whole[10:25]
