@@ -6,7 +6,6 @@ takes its height after them, the given one or a likely one: it is scaled about t
 the lifter's depths. Its picture and its pose stay the same.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 
@@ -16,8 +15,6 @@ from jaxtyping import Float
 
 from fitting_core.body.model import N_BETAS, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.config.schema import FitConfig
-from fitting_core.fit.evidence.observations import LIFTED_HEIGHT
 from fitting_core.motion import rest_joints
 
 _BODY_JOINTS = 22
@@ -67,17 +64,3 @@ def with_shape(body: BodyModel, params: BodyParams, betas: Float[np.ndarray, "T 
     before, after = (rest_joints(body, each)[:, 0] for each in (params, shaped))
     place = torch.as_tensor(ratio)[:, None] * (before + params.camera_translation.double()) - after
     return replace(shaped, camera_translation=place.to(params.camera_translation))
-
-
-def size_from(arrays: Mapping[str, np.ndarray]) -> float | None:
-    """`FitResult.size` of a stored fit; None in files of earlier versions. Raises ValueError if it is no person's."""
-    if "size" not in arrays:
-        return None
-    if not 0.1 < (size := float(arrays["size"])) < 10:
-        raise ValueError(f"its size is {size:g}, expected 0.1 to 10")
-    return size
-
-
-def earlier_size(config: FitConfig) -> float | None:
-    """`FitResult.size` of fits of earlier versions, which took a given height from the beginning."""
-    return None if config.height is None else config.height / 100 / LIFTED_HEIGHT

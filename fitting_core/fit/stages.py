@@ -18,7 +18,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.collision.colliding_body import CollidingBody
 from fitting_core.fit.evidence.given_start import corrected_start
-from fitting_core.fit.evidence.observations import LIFTED_HEIGHT, LifterEvidence, Observations, PointsInSpace, Stances
+from fitting_core.fit.evidence.observations import LifterEvidence, Observations, PointsInSpace, Stances
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.terms.context import TermContext, UsedKeypoints
 from fitting_core.fit.terms.positions import evidence_weight
@@ -27,6 +27,7 @@ from fitting_core.fit.variables.estimate import SolverView
 from fitting_core.fit.variables.state import Free, Parametrisation, State
 from fitting_core.fit.views.evidence import points_in_space
 from fitting_core.keypoints import Keypoints
+from fitting_core.lifting.clip_lifting import LIFTED_HEIGHT
 from fitting_core.priors.pose import make_prior
 from fitting_core.results.given_start import GivenStart
 from fitting_core.silhouettes import Silhouettes

@@ -55,7 +55,6 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz, write_npz
 from fitting_core.files.regular import StrPath, legible, regular_file
-from fitting_core.fit.size import size_from
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
 from fitting_core.ground.grounding import Grounding
 from fitting_core.io.camera_arrays import camera_arrays, camera_from
@@ -66,6 +65,7 @@ from fitting_core.motion import Motion
 from fitting_core.results.error_bars import ErrorBars, error_bar_arrays, error_bars_from
 from fitting_core.results.fit_result import FitResult, stopped_note
 from fitting_core.results.provenance import STARTS, STOPS, Provenance
+from fitting_core.results.size import size_from
 
 RESULT_NAMES = FIT_NAME, SUMMARY_NAME, OVERLAY_NAME = "fit.npz", "summary.json", "overlay.mp4"
 _SUMMARY_BYTES = 2**24

@@ -20,6 +20,8 @@ from fitting_core.lifting.rays import POINTS, SEEN, seen
 from fitting_core.lifting.weights import read_lifter
 from fitting_core.shipped import LIFTER
 
+LIFTED_HEIGHT = 1.71
+"""Metres: average height of the bodies in the lifter's training data."""
 _STRIDE = FRAMES // 2
 _MIDDLE = FRAMES // 2
 _AT_ONCE = 32

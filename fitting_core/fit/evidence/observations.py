@@ -74,8 +74,6 @@ class PointsInSpace:
 
 UNSURE = 0.25
 """Standard deviation in metres above which the lifter is ignored for a keypoint."""
-LIFTED_HEIGHT = 1.71
-"""Metres: average height of the bodies in the lifter's training data."""
 FEET = 1.7
 """Factor on the lifter's deviation for ankles and feet that are detected: it was off by two deviations on balancing
 people, who move unlike its training data, and pulled the knees along."""
