@@ -42,7 +42,7 @@ _SHORT = {"sho": "shoulder", "elb": "elbow", "wri": "wrist", "hip": "hip", "kne"
 _OFFSETS = np.arange(-0.1, 0.1001, 0.01)
 """Seconds by which the markers' clock may be off the video's."""
 _COLUMNS = {"turned_mpjpe": "MPJPE mm", "knee_flexion": "knee °", "hip_flexion": "hip °", "elbow_flexion": "elbow °"}
-_PHONES = {"squat": 120, "walk_ts": 80}
+PHONES = {"squat": 120, "walk_ts": 80}
 """By name, frames that a quick run takes: the person goes down and comes up again, and nearly the whole walk."""
 _PEOPLE, _QUICK_PEOPLE, _QUICK_WINDOWS = 48, 9, 5
 """People who stand; the step between the windows of a half of the suite."""
@@ -94,11 +94,9 @@ def _smooth(variant: Variant, params: BodyParams) -> Figures:
 
 def phone(variant: Variant, name: str) -> Rows:
     """A phone's video with the joint centres of markers, and two learned systems in the same frames."""
-    video = data_folder() / "opencap" / name / "video.mp4"
-    reference, last = opencap(name), _PHONES[name] - 1 if variant.quick else None
-    rows: Rows = {}
+    reference, rows = opencap(name), Rows()
     for focal, millimetres in (("26 mm", PHONE_MM), ("auto", None)):
-        clip = read_clip(video, clip=ClipOptions(last_frame=last), camera=CameraOptions(focal_length_35mm=millimetres))
+        clip = phone_clip(name, quick=variant.quick, millimetres=millimetres)
         params, seconds = variant.fitted(clip)
         found = variant.limbs(params)
         true, others = in_time(found, clip, reference)
@@ -108,6 +106,12 @@ def phone(variant: Variant, name: str) -> Rows:
         rows[f"{name}, {focal}"]["s"] = seconds
         rows |= {f"{name}, {system}": _of_limbs(points, true) for system, points in others.items()}
     return rows
+
+
+def phone_clip(name: str, *, quick: bool, millimetres: float | None = PHONE_MM) -> Clip:
+    """A phone's video with a focal length on 35 mm film; None: it is estimated."""
+    video, last = data_folder() / "opencap" / name / "video.mp4", PHONES[name] - 1 if quick else None
+    return read_clip(video, clip=ClipOptions(last_frame=last), camera=CameraOptions(focal_length_35mm=millimetres))
 
 
 def opencap(name: str) -> Reference:
@@ -227,7 +231,7 @@ def signer(variant: Variant, name: str) -> Rows:
 
 
 SETS: dict[str, Callable[[Variant], Rows]] = {
-    **{name: partial(phone, name=name) for name in _PHONES},
+    **{name: partial(phone, name=name) for name in PHONES},
     **{name: partial(balancing, camera=name) for name in ("cam03", "cam04")},
     **{f"suite-{half}": partial(suite, half=half) for half in ("tuning", "untouched")},
     "standing": standing,

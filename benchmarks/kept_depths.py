@@ -12,11 +12,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial.transform import Rotation
 from tyro.conf import OmitArgPrefixes
 
-from benchmarks.accuracy_sets import PHONE_MM, in_time, opencap
-from benchmarks.clips import data_folder, read
+from benchmarks.accuracy_sets import in_time, opencap, phone_clip
+from benchmarks.clips import read
 from benchmarks.report import Common, Row, progress, report, start
 from evaluation.synthetic.motion_suite.clips import make_motion, motion_sequences
 from fitting_core import keypoints as kp
@@ -24,13 +23,11 @@ from fitting_core import metrics
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.clip import Clip
-from fitting_core.clips.options import CameraOptions
-from fitting_core.clips.reading import read_clip
 from fitting_core.config.schema import PRESETS
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.refitting import refit
 from fitting_core.keypoints import KeptDepth
-from fitting_core.measure.limbs import HIPS, Limbs, limb_pa_mpjpe
+from fitting_core.measure.limbs import HIPS, Limbs, limb_pa_mpjpe, turned
 from fitting_core.measure.pairing import LIMB_JOINTS
 from fitting_core.results.fit_result import FitResult
 
@@ -59,14 +56,10 @@ def _read(name: str, body: BodyModel) -> tuple[Clip, FitResult, Limbs]:
         sample = read(name)
         assert sample.truth is not None
         return sample.clip, fit_clip(sample.clip, body, config), sample.truth[:, kp.LIMBS]
-    video = data_folder() / "opencap" / name / "video.mp4"
-    clip = read_clip(video, camera=CameraOptions(focal_length_35mm=PHONE_MM))
+    clip = phone_clip(name, quick=False)
     fit = fit_clip(clip, body, config)
     found = joints_in_space(body, fit.last.params)[:, LIMB_JOINTS]
-    true, _ = in_time(found, clip, opencap(name))
-    there = np.isfinite(true).all((1, 2))
-    own, theirs = (metrics.rooted(points[there], HIPS).reshape(-1, 3) for points in (found, true))
-    return clip, fit, true @ Rotation.align_vectors(own, theirs)[0].as_matrix().T
+    return clip, fit, turned(found, in_time(found, clip, opencap(name))[0])
 
 
 def _depths(body: BodyModel, fit: FitResult, true: Limbs) -> Float[np.ndarray, "T 12"]:

@@ -26,17 +26,24 @@ def limb_pa_mpjpe(estimate: Limbs, truth: Limbs) -> Float[np.ndarray, "T"]:
     return errors
 
 
-def turned_mpjpe(estimate: Limbs, truth: Limbs) -> float | None:
-    """Mean joint error, the middle of the hips aligned, after the one rotation of the whole clip that is best.
+def turned(estimate: Limbs, truth: Limbs) -> Limbs:
+    """The truth relative to the middle of its hips, after the one rotation of the whole clip that is best.
 
-    For a truth in a laboratory with an unknown camera. Millimetres; None without a known frame.
+    For a truth in a laboratory with an unknown camera. NaN without a known frame.
     """
-    both = _known(estimate, truth)
+    both, found, true = _known(estimate, truth), metrics.rooted(estimate, HIPS), metrics.rooted(truth, HIPS)
     if not both.any():
-        return None
-    found, true = (metrics.rooted(points[both], HIPS).reshape(-1, 3) for points in (estimate, truth))
-    turn = Rotation.align_vectors(found, true)[0]
-    return 1e3 * float(np.linalg.norm(found - turn.apply(true), axis=1).mean())
+        return np.full_like(true, np.nan)
+    turn = Rotation.align_vectors(found[both].reshape(-1, 3), true[both].reshape(-1, 3))[0]
+    return true @ turn.as_matrix().T
+
+
+def turned_mpjpe(estimate: Limbs, truth: Limbs) -> float | None:
+    """Mean joint error, the middle of the hips aligned, against the turned truth. Millimetres; None without a known
+    frame."""
+    off = np.linalg.norm(metrics.rooted(estimate, HIPS) - turned(estimate, truth), axis=-1)
+    known = off[_known(estimate, truth)]
+    return 1e3 * float(known.mean()) if len(known) else None
 
 
 def limb_flexion(points: Limbs, joint: str) -> Float[np.ndarray, "T 2"]:

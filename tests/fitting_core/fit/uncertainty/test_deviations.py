@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from fitting_core.body.model import JOINT
 from fitting_core.body.points.positions import joints_in_space
@@ -13,9 +14,9 @@ from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.uncertainty import deviations as module
-from fitting_core.fit.uncertainty.calibration import calibrated, part_of
+from fitting_core.fit.uncertainty.calibration import by_lens, calibrated, part_of
 from fitting_core.fit.uncertainty.deviations import deviations
-from fitting_core.fit.uncertainty.measured import OF_ANGLES, OF_JOINTS
+from fitting_core.fit.uncertainty.measured import LASTING, LIKE, OF_ANGLES, OF_JOINTS
 from fitting_core.fit.variables.state import State
 from fitting_core.keypoints import INDEX
 from fitting_core.measure.angles.joint_angles import joint_angle
@@ -75,13 +76,28 @@ def test_a_clip_in_parts_is_as_sure_as_in_one(monkeypatch: pytest.MonkeyPatch):
 def test_every_joint_and_angle_is_calibrated_and_what_is_less_sure_stays_so(known: tuple[Stages, State]):
     assert {part_of(name) for name in JOINTS} == {"pelvis", *OF_JOINTS}
     assert {part_of(name) for name in ANGLES} == {*OF_ANGLES}
-    assert all(len(rows) == len(DIRECTIONS) for rows in OF_JOINTS.values())
+    assert all(len(rows) == len(DIRECTIONS) for rows in (*OF_JOINTS.values(), *LASTING.values()))
+    assert {LIKE.get(part, part) for part in OF_JOINTS} == set(LASTING)
     found = deviations(*known)
     bars, wider = calibrated(found), calibrated(replace(found, joints=2 * found.joints, angles=2 * found.angles))
     assert (bars.joints[:, 0] == 0).all() and (bars.joints[:, 1:] > found.joints[:, 1:]).all()
     told = [OF_ANGLES[part_of(name)][0] > 0 for name in ANGLES]  # of others the deviations say nothing
     assert (wider.joints[:, 1:] > bars.joints[:, 1:]).all() and ((wider.angles > bars.angles) == told).all()
     assert sum(told) > len(ANGLES) / 2
+
+
+def test_a_lens_that_is_off_turns_a_body_beside_the_axis():
+    """Its pixels stay, so the ray through them turns, and the body with it."""
+    joints = np.array([1.5, -0.8, 4.0]) + np.random.default_rng(0).uniform(-1, 1, (1, 9, 3)) * 0.5
+    off = 0.01
+    ray = joints[0, 0] / np.linalg.norm(joints[0, 0])
+    other = ray * [np.exp(-off), np.exp(-off), 1.0]
+    turn = Rotation.align_vectors(other[None] / np.linalg.norm(other), ray[None])[0]
+    relative = joints[0] - joints[0, 0]
+    moved = turn.apply(relative) - relative
+    along = moved @ ray
+    across = np.sqrt((np.square(moved).sum(1) - along**2) / 2)
+    np.testing.assert_allclose(by_lens(joints, off)[0], np.stack([abs(along), across], 1), rtol=0.02, atol=1e-5)
 
 
 def test_a_fit_has_error_bars_of_its_last_phase_and_wide_ones_of_what_is_not_seen():
