@@ -146,7 +146,7 @@ def minimised(solver: str, problem: IndependentFrames, start: State) -> Solution
 @pytest.fixture(scope="module")
 def hands_in_thighs() -> tuple[State, IndependentFrames]:
     """From the very pose that the keypoints come from, with fingertips in the thighs."""
-    params = arms_down(1.52)
+    params = arms_down(1.51)
     clip = clip_of(params)
     stages = Stages.of(clip.keypoints, clip.camera, shipped_body(), PRESETS["paper"])
     start = stages.parametrisation.from_params(params)
