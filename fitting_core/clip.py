@@ -13,6 +13,9 @@ from fitting_core.keypoints import Keypoints
 from fitting_core.relation import Relation
 from fitting_core.silhouettes import Silhouettes
 
+_UP_DIFFERS = 20.0
+"""Degrees."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Clip:
@@ -65,3 +68,16 @@ class OtherView:
     """Seconds of each frame; None: at the clip's frame rate."""
     relation: Relation | None = None
     """To the first clip; None until it is estimated."""
+
+    def sentence(self) -> str:
+        """What was found about it, for the user."""
+        found = self.relation
+        assert found is not None, "views of a clip are related to it"
+        doubt = f" They differ by {found.vertical_off:.0f}° on what is up." if found.vertical_off > _UP_DIFFERS else ""
+        late = "later" if found.offset < 0 else "earlier"
+        return (
+            f"{self.clip.name} is another view, {found.angle:.0f}° from this one (± {found.rotation_deviation:.0f}°); "
+            f"it starts {abs(found.offset):.2f} s {late} (± {found.offset_deviation:.2f} s), and both show "
+            f"{found.overlap:.1f} s. Viewing rays of keypoints miss each other by "
+            f"{1e3 * found.disagreement:.1f} mrad in the median.{doubt}"
+        )

@@ -405,6 +405,7 @@ class _Fit:
             size=self.size,
             warnings=(
                 *self.clip.notes,
+                *(view.sentence() for view in self.clip.views),
                 *self._start_notes(),
                 *_swap_notes(self.stages, self.clip.first_frame),
                 *(note for p in self.phases for note in p.notes),

@@ -48,6 +48,8 @@ class Pose:
     """Of the translation, a unit vector."""
     distance: float
     """Length of the translation in metres, if the person is as tall as the average adult."""
+    likely_distance: float
+    """The same by where the lifter places the person in either view."""
     offset: float
     """Seconds."""
     cost: float
@@ -120,7 +122,8 @@ class PairOfRays:
         self.points, self.spread = first.lifted_at(self.times)
         moved = other.pelvis_at(self.times + offset) - first.pelvis_at(self.times) @ rotation.T
         way = np.median(moved, axis=0) if len(moved) else np.array([1.0, 0.0, 0.0])
-        self.direction = way / max(float(np.linalg.norm(way)), 1e-9)
+        self.distance = max(float(np.linalg.norm(way)), 1e-9)
+        self.direction = way / self.distance
         self._across = np.linalg.svd(self.direction[None])[2][1:]
 
     @property
@@ -144,6 +147,7 @@ class PairOfRays:
             rotation=rotation,
             direction=direction,
             distance=self._compared(found.x)[2],
+            likely_distance=self.distance,
             offset=offset,
             cost=cost,
             deviations=np.array([*np.degrees(np.sqrt([turn.sum(), way.sum()])), np.sqrt(late[0])]),

@@ -24,6 +24,8 @@ _MOST_DISAGREEMENT = 0.015
 """Radians."""
 _MOST_UNSURE = 15.0
 """Degrees by which the direction from camera to camera may be unsure."""
+_MOST_DISTANT = 1.6
+"""Ratio of the distance from camera to camera to what the lifter says of it, or of that to the distance."""
 _SAME_OFFSET = 0.03
 """Seconds."""
 
@@ -134,6 +136,7 @@ def _doubt(first: Track, other: Track, best: _Found, relation: Relation) -> str:
             f"{1e3 * relation.disagreement:.0f} mrad in the median, and the movements agree to "
             f"{max(best.alike, 0):.0%}; expected the same person at the same time."
         )
-    if pose.deviations[1] > _MOST_UNSURE:
+    ratio = pose.distance / pose.likely_distance
+    if pose.deviations[1] > _MOST_UNSURE or max(ratio, 1 / max(ratio, 1e-9)) > _MOST_DISTANT:
         return "too few keypoints are shown by both, so it cannot be told where the cameras stand."
     return ""
