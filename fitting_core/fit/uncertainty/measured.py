@@ -31,11 +31,11 @@ OF_ANGLES = {
 """By angle: factor and least error in degrees."""
 LASTING = {
     "hip": (0.0, 0.0),
-    "knee": (0.0, 0.002),
-    "ankle": (0.0, 0.015),
-    "shoulder": (0.029, 0.0),
-    "elbow": (0.0, 0.01),
-    "wrist": (0.0, 0.008),
+    "knee": (0.0, 0.004),
+    "ankle": (0.0, 0.011),
+    "shoulder": (0.027, 0.0),
+    "elbow": (0.0, 0.012),
+    "wrist": (0.0, 0.004),
 }
 """By part of the body: metres by which real clips are off beyond that, along the ray and across it."""
 LIKE = {"spine": "hip", "neck": "shoulder", "collar": "shoulder", "head": "shoulder", "foot": "ankle"}
