@@ -283,7 +283,7 @@ def _read_detections(folder: Path, expected: str) -> tuple[Keypoints, str, Silho
         raise InputError(f"{path}: cannot be read ({error}). {advice}.") from error
     for array in arrays.values():
         array.setflags(write=False)
-    return Keypoints(**arrays), detector, shown
+    return Keypoints(xy=arrays["xy"], confidence=arrays["confidence"]), detector, shown
 
 
 def _silhouettes(found: dict[str, np.ndarray], keypoints: Mapping[str, np.ndarray]) -> Silhouettes | None:
