@@ -28,6 +28,7 @@ if TYPE_CHECKING:  # the table of public names, which `lazy_names` reads
     from fitting_core.body.points.positions import keypoints_in_space as keypoints_in_space
     from fitting_core.camera import Camera as Camera
     from fitting_core.clip import Clip as Clip
+    from fitting_core.clip import OtherView as OtherView
     from fitting_core.clips.demo import demo_clip as demo_clip
     from fitting_core.clips.options import CameraOptions as CameraOptions
     from fitting_core.clips.options import ClipOptions as ClipOptions

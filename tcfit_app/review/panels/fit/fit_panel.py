@@ -113,7 +113,11 @@ class FitPanel:
 
     def _of_lines(self) -> list[Html]:
         """How many straight lines there are, while they are shown."""
-        if not self._tab.state.straight_lines or (found := self._tab.data.straight_lines) is None:
+        if not self._tab.state.straight_lines:
+            return []
+        if self._tab.session.project.footage.source is None:
+            return [paragraph("No straight lines: the project has no video.", "dim")]
+        if (found := self._tab.data.straight_lines) is None:
             return []
         if not len(found.edges):
             return [paragraph("No straight lines: the camera or most of the picture moves.", "dim")]
