@@ -44,7 +44,7 @@ def with_balance(
         standing: Which feet carry the body.
         frame_rate: Frames per second.
     """
-    stands = standing.any(1)
+    stands = np.asarray(standing.any(1))
     if not len(stands) or stands.mean() < _LEAST:
         return gravity
     frames = np.flatnonzero(stands)

@@ -47,12 +47,12 @@ def project(folder: Path) -> Iterator[Project]:
 
 def _older(fit: FitResult) -> FitResult:
     """As versions wrote it that knew neither lifter nor ground nor starts from other results nor whose noise keypoints
-    have nor silhouettes nor error bars, noted no provenance and started each frame anew."""
+    have nor silhouettes nor error bars nor the person's size, noted no provenance and started each frame anew."""
     weights = replace(fit.config.weights, relative_position=(0,) * 5, held_position=(0,) * 5)
     settings = {"key_frames_every": 1, "widened_start": True, "start_deviation": None, "settings": SolverSettings()}
     config = replace(fit.config, **settings, weights=weights, keypoint_noise="equal", silhouettes=False)
     phases = tuple(replace(phase, provenance=None, error_bars=None) for phase in fit.phases)
-    return replace(fit, phases=phases, config=config, grounding=None)
+    return replace(fit, phases=phases, config=config, grounding=None, size=None)
 
 
 def test_all_that_it_holds_is_there(project: Project):
