@@ -49,7 +49,7 @@ class Views:
     angles: tuple[int, ...] = (30, 60, 90, 150)
     """Degrees between the two views of the suite."""
     every: int = 6
-    """Which of the suite's windows: every so many."""
+    """Use every n-th of the suite's windows."""
     half: str = "tuning"
     fits: bool = True
     """Fit, besides finding pose and offset."""

@@ -1,4 +1,4 @@
-"""Which way is up, from balance: somebody who stands has the centre of mass above the feet.
+"""Up direction from balance: the centre of mass of a standing person is above the feet.
 
 Accelerations are ignored: over a clip they add noise only. Still space, metres.
 """
@@ -14,7 +14,7 @@ _DEAD, _SPREAD, _FAR = 0.02, 0.06, 0.3
 """Metres of the centre of mass beside the feet: what counts as nothing, its standard deviation in fits, and where its
 weight has fallen to a quarter (Geman-McClure)."""
 _LEAST = 0.3
-"""Share of frames in which somebody stands, below which it is not used: who gets up or rolls is not balanced."""
+"""Minimum share of frames in which the person stands: a person who gets up or rolls is not balanced."""
 _INDEPENDENT = 4.0
 """Seconds between frames that tell the same twice."""
 _MOST = 3.0

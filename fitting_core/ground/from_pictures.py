@@ -40,7 +40,7 @@ _ROUNDS = 2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StraightLines:
-    """The straight edges from which a camera can be told."""
+    """The straight edges that a camera is estimated from."""
 
     edges: Float[np.ndarray, "n 4"]
     """From x, y to x, y in pixels of the straightened picture."""

@@ -73,7 +73,7 @@ def grounding_of(
         feet: Still space, metres: ankle, heel, big and small toe of the left and the right foot.
         soles: How high these are above the sole of a flat foot, metres.
         trunk: From pelvis to neck, still space; used if there is no ground.
-        centre: The body's centre of mass, still space, metres; with `upright` it tells the vertical of who stands.
+        centre: The body's centre of mass, still space, metres; with `upright`, a standing person's gives the vertical.
         upright: Whose foot may carry the body, as of `Stance`.
         rolled: Tells the camera's roll; without it, the camera is assumed level.
     """

@@ -12,7 +12,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.geometry import unit
 from fitting_core.keypoints import KeptDepth
 
-TOLD = 0.02
+STATED = 0.02
 """Standard deviation in metres of a depth set by a person: the precision of a view from the side."""
 _LASTING = 2 / 3
 """Share of the lifter's variance that is the same in all frames."""
@@ -32,7 +32,7 @@ def with_kept(
     offset d. Before, d has the lasting part of the lifter's variance v along each axis, and the noise has the rest of
     v, scaled by the spread that is found. The normal equations give d and its covariance C; in every frame the point is
     p + B d, and its covariance B C B^T and the rest of v. One frame thus counts for less than several, and along axes
-    that no frame has told of nothing changes.
+    that no stated depth constrains, nothing changes.
 
     Args:
         kept: the later of two holds where both do.
@@ -69,7 +69,7 @@ def _offset(
         frames: which ones these are.
     """
     same = (abs(frames[:, None] - frames) <= _NEAR).sum(1)
-    noise = same * ((1 - _LASTING) * variance + TOLD**2)
+    noise = same * ((1 - _LASTING) * variance + STATED**2)
     before = np.eye(3) / (_LASTING * variance.mean())
 
     def solved(noise: Float[np.ndarray, "n"]) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:

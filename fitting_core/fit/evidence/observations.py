@@ -13,7 +13,7 @@ from torch import Tensor
 from fitting_core import keypoints as kp
 from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.evidence.kept_depths import TOLD, with_kept
+from fitting_core.fit.evidence.kept_depths import STATED, with_kept
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.contacts import FOOT_POINTS, Contacts
@@ -167,7 +167,8 @@ class Observations:
         depth = as_tensor(keypoints.told_depth, dtype=dtype, device=device)
         told, turn = depth.isfinite(), keypoints.turn
         position, deviation = (xy.new_full((*confidence.shape, 3), value) for value in (0.0, torch.inf))
-        position[..., 2], deviation[..., 2] = torch.where(told, depth, 0.0), torch.where(told, TOLD, deviation[..., 2])
+        position[..., 2] = torch.where(told, depth, 0.0)
+        deviation[..., 2] = torch.where(told, STATED, deviation[..., 2])
         return Observations(
             keypoints=keypoints,
             swapped=swapped,

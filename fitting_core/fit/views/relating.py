@@ -19,7 +19,7 @@ _MOST_COST = 1.8
 _LEAST_ALIKE = 0.6
 """Of motions that are the same: right ones had 0.67 to 0.98, wrong ones up to 0.52, but for one of 0.71."""
 _LEAST_MOTION = 1.2
-"""In standard deviations of the keypoints' noise: with less the offset cannot be told."""
+"""In standard deviations of the keypoints' noise: with less, the offset cannot be determined."""
 _MOST_DISAGREEMENT = 0.015
 """Radians."""
 _MOST_UNSURE = 15.0
@@ -50,7 +50,7 @@ def related(clip: Clip, views: Sequence[OtherView]) -> Clip:
         views: The others; those with a relation keep it.
 
     Raises:
-        InputError: A view does not show the same person at the same time, or it cannot be told.
+        InputError: A view does not show the same person at the same time, or it cannot be determined.
     """
     first = Track(clip)
     return replace(clip, views=tuple(view if view.relation else _related(first, view) for view in views))
@@ -128,7 +128,7 @@ def _doubt(first: Track, other: Track, best: _Found, relation: Relation) -> str:
         still = first.clip.name if one < two else other.clip.name
         return (
             f"in {still} the person moves too little while both show enough of them ({relation.overlap:.1f} s at the "
-            "likeliest offset), so the offset in time cannot be told; expected a movement that both show."
+            "likeliest offset), so the offset in time cannot be determined; expected a movement that both show."
         )
     if best.alike < _LEAST_ALIKE or pose.cost > _MOST_COST or relation.disagreement > _MOST_DISAGREEMENT:
         return (
@@ -138,5 +138,5 @@ def _doubt(first: Track, other: Track, best: _Found, relation: Relation) -> str:
         )
     ratio = pose.distance / pose.likely_distance
     if pose.deviations[1] > _MOST_UNSURE or max(ratio, 1 / max(ratio, 1e-9)) > _MOST_DISTANT:
-        return "too few keypoints are shown by both, so it cannot be told where the cameras stand."
+        return "both show too few of the same keypoints to determine where the cameras stand."
     return ""

@@ -202,7 +202,7 @@ class Silhouette(_State, frozen=True, kw_only=True):
 
 
 class StraightLines(_State, frozen=True, kw_only=True):
-    """The straight edges that tell the camera."""
+    """The straight edges that the camera is estimated from."""
 
     along: tuple[Segment, ...]
     """Along the vertical, or one of two level directions at right angles."""

@@ -122,7 +122,7 @@ class TabState:
     straight_lines: bool = control(
         False, Switch("camera", "Straight lines", "Straight lines in the picture on or off", needs=("picture",))
     )
-    """Those from which the camera was told are drawn over the picture."""
+    """Those that the camera was estimated from are drawn over the picture."""
     bodies: bool = control(True, Switch("shown", "Bodies", "Bodies on or off", "m", needs=("bodies",)))
     outline: bool = control(False, Switch("body", "Outline", "Outline on or off", "u", needs=("bodies", "picture")))
     others: bool = control(True, Switch("body", "Other people", "The clip's other people on or off", needs=("others",)))

@@ -29,7 +29,7 @@ def stander(*, aside: float = 0.0, apart: float = 0.1) -> tuple[np.ndarray, np.n
 BOTH = np.ones((FRAMES, 2), bool)
 
 
-def test_somebody_who_stands_tells_up():
+def test_a_standing_person_determines_up():
     found = with_balance(KNOWN, *stander(), BOTH, RATE)
     assert angles_to(KNOWN.up, UP) > 12 and angles_to(found.up, UP) < 6
     assert 2.5 <= found.deviation < KNOWN.deviation
@@ -49,7 +49,7 @@ def test_the_weight_may_be_on_one_of_two_feet():
 
 
 @pytest.mark.parametrize("share", [0.0, 0.2])
-def test_who_hardly_stands_tells_nothing(share: float):
+def test_a_person_who_hardly_stands_changes_nothing(share: float):
     standing = BOTH & (np.arange(FRAMES) < share * FRAMES)[:, None]
     assert with_balance(KNOWN, *stander(), standing, RATE) is KNOWN
 

@@ -11,7 +11,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig
-from fitting_core.fit.evidence.kept_depths import TOLD
+from fitting_core.fit.evidence.kept_depths import STATED
 from fitting_core.fit.fitting import rerun_events
 from fitting_core.fit.phases.limb_flips import LIMBS, LimbFlips, mirrored_as_told
 from fitting_core.fit.stages import Stages
@@ -98,7 +98,7 @@ def test_a_person_overrides_the_lifter(clip: Clip, params: BodyParams, monkeypat
     said, config = told(clip, [FRAME], [WRIST], np.array(-0.5)), config_of("tcfit")
     stages = Stages.of(said.keypoints, said.camera, shipped_body(), config)
     o = stages.observations
-    assert o.relative_position[FRAME, WRIST, 2] == -0.5 and o.relative_position_deviation[FRAME, WRIST, 2] == TOLD
+    assert o.relative_position[FRAME, WRIST, 2] == -0.5 and o.relative_position_deviation[FRAME, WRIST, 2] == STATED
     others = torch.ones(FRAMES, 25, dtype=torch.bool)
     others[FRAME, WRIST] = False
     assert bool((o.relative_position[:, kp.BODY, 2][others] == 0.3).all()) and int(o.depth_by_hand.sum()) == 1

@@ -97,7 +97,7 @@ function drawSilhouette(context, map) {
   context.setLineDash([]);
 }
 
-/** The straight edges from which the camera is told; those that do not count are thin.
+/** The straight edges that the camera is estimated from; those that do not count are thin.
  * @param {Context} context @param {PosterMap} map */
 function drawStraightLines(context, map) {
   if (!states.straight_lines) return;
