@@ -28,6 +28,7 @@ phases 1 and 2, of fits without the lifter, and in files of earlier versions |
 of the world: see fitting_core/ground/arrays.py; not there in files of earlier versions |
 | size | () | of the person beside the people that the lifter knows; not there in files of earlier versions |
 | camera_*, image_size, lens_*, world_*, path_* | | the camera: see fitting_core/io/camera_arrays.py |
+| view1_*, view2_* | | other views of the person, if there are any: see fitting_core/io/view_arrays.py |
 | first_frame, frames | (), (N,) | numbers in the video, from 0 |
 | detector | () | detector of the keypoints: openpose, mediapipe or coco-wholebody; empty if unknown, missing \
 in files of earlier versions |
@@ -50,7 +51,7 @@ from fitting_core.body.model import N_BETAS, N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.camera import Camera
-from fitting_core.clip import Clip
+from fitting_core.clip import Clip, OtherView
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz, write_npz
@@ -60,6 +61,7 @@ from fitting_core.ground.grounding import Grounding
 from fitting_core.io.camera_arrays import camera_arrays, camera_from
 from fitting_core.io.motion.animation_npz import pose_arrays
 from fitting_core.io.summary import summary
+from fitting_core.io.view_arrays import keypoint_array, keypoints_from, view_arrays, views_from
 from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.motion import Motion
 from fitting_core.results.error_bars import ErrorBars, error_bar_arrays, error_bars_from
@@ -121,6 +123,8 @@ class StoredFit:
     """Of the last finished phase; None if the file lacks it."""
     phase1_frame_cost: Float[np.ndarray, "T"] | None = None
     """The same of phase 1."""
+    views: tuple[OtherView, ...] = ()
+    """As `Clip.views`, without their videos."""
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -153,7 +157,11 @@ def write_result(
         (folder / OVERLAY_NAME).unlink(missing_ok=True)
         write_npz(folder / FIT_NAME, fit_arrays(fit, clip, body, complete=complete))
         with replacing(folder / SUMMARY_NAME) as draft:
-            content = summary(fit, clip, body, complete=complete, command=command) | {"video": _relative(clip, folder)}
+            content = summary(fit, clip, body, complete=complete, command=command)
+            content |= {
+                "video": _relative(clip, folder),
+                "other_videos": [_relative(view.clip, folder) for view in clip.views],
+            }
             draft.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=2) + b"\n")
             return content
     except OSError as error:
@@ -194,7 +202,7 @@ def fit_arrays(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = 
     arrays |= {"joints": joints_in_space(body, last), f"{PHASE1}joints": joints_in_space(body, first)}
     arrays |= camera_arrays(fit.camera)
     arrays |= {
-        "keypoints": np.dstack([clip.keypoints.xy, clip.keypoints.confidence]).astype(np.float32),
+        "keypoints": keypoint_array(clip.keypoints),
         "frame_cost": fit.last.frame_cost,
         f"{PHASE1}frame_cost": fit.phases[0].frame_cost,
         "observed": fit.observed,
@@ -213,6 +221,7 @@ def fit_arrays(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = 
     }
     arrays |= _provenance_arrays(fit.last.provenance) | error_bar_arrays(fit.last.error_bars)
     arrays |= grounding_arrays(fit.grounding) | ({} if fit.size is None else {"size": fit.size})
+    arrays |= view_arrays(clip.views)
     return {name: np.asarray(value) for name, value in arrays.items()}
 
 
@@ -288,16 +297,13 @@ def _stored(arrays: dict[str, np.ndarray]) -> StoredFit:
         detector=str(arrays.get("detector", "")),
         frame_cost=_known(arrays, "frame_cost", (frames,)),
         phase1_frame_cost=_known(arrays, f"{PHASE1}frame_cost", (frames,)),
+        views=views_from(arrays),
     )
 
 
 def _keypoints(arrays: dict[str, np.ndarray], frames: int) -> Keypoints | None:
     found = _known(arrays, "keypoints", (frames, COUNT, 3))
-    if found is None:
-        return None
-    if not np.isfinite(found).all() or found[..., 2].min() < 0 or found[..., 2].max() > 1:
-        raise ValueError("a keypoint is not finite, or its confidence not between 0 and 1")
-    return Keypoints(xy=found[..., :2].astype(float), confidence=found[..., 2].astype(float))
+    return None if found is None else keypoints_from(found)
 
 
 def _known(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray | None:

@@ -1,6 +1,7 @@
 """A result of `tcfit fit` as the clip and the fit that it was written from, to go on with them."""
 
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ class _Summary(msgspec.Struct):
     config: FitConfig
     clip: str = ""
     video: str | None = None
+    other_videos: tuple[str | None, ...] = ()
     seconds: dict[str, float] = {}
     objective: dict[str, dict[str, float | None]] = {}
     warnings: tuple[str, ...] = ()
@@ -63,9 +65,13 @@ def read_whole_result(folder: Path) -> WholeResult:
         camera=stored.camera,
         frame_rate=stored.frame_rate,
         name=about.clip or folder.resolve().name,
-        source=None if about.video is None else _video(folder, about.video),
+        source=_video(folder, about.video),
         first_frame=stored.first_frame,
         detector=stored.detector,
+        views=tuple(
+            replace(view, clip=replace(view.clip, source=_video(folder, video)))
+            for view, video in zip_longest(stored.views, about.other_videos[: len(stored.views)])
+        ),
     )
     fit = FitResult(
         phases=_phases(stored, about, costs[0], costs[1]),
@@ -88,20 +94,22 @@ def _read_summary(path: Path) -> tuple[_Summary, dict[str, Any]]:
         raise InputError(f"{path}: cannot be read ({error}). Fit the clip again.") from error
 
 
-def _video(folder: Path, relative: str) -> Path:
+def _video(folder: Path, relative: str | None) -> Path | None:
+    if relative is None:
+        return None
     try:
         path = (folder / relative).resolve()
         exists = path.exists()
     except (OSError, ValueError) as error:  # a path of 100,000 characters, or with a zero byte
         reason = error.strerror if isinstance(error, OSError) else error
         raise InputError(
-            f'{folder / SUMMARY_NAME}: "video" is not a path of this computer ({reason}). Write there where the video '
-            "is now."
+            f"{folder / SUMMARY_NAME}: the path of a video is not a path of this computer ({reason}). Write there "
+            "where the video is now."
         ) from error
     if not exists:
         raise InputError(
-            f"{path}: is not there, and is the video of the result {folder}. Move it back, or write in the result's "
-            f'{SUMMARY_NAME}, behind "video", where it is now.'
+            f"{path}: is not there, and is a video of the result {folder}. Move it back, or write in the result's "
+            f"{SUMMARY_NAME} where it is now."
         )
     return path
 

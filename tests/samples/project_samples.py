@@ -1,6 +1,7 @@
 """Small clips, fits and edits for tests of projects: random, and the same again for the same seed."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -8,7 +9,7 @@ from hypothesis import strategies as st
 
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
-from fitting_core.clip import Clip
+from fitting_core.clip import Clip, OtherView
 from fitting_core.config.schema import PRESETS
 from fitting_core.ground.arrays import grounding_arrays
 from fitting_core.ground.contacts import Contacts
@@ -16,6 +17,7 @@ from fitting_core.ground.gravity import Gravity
 from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.plane import Ground
 from fitting_core.keypoints import COUNT, FINGER_JOINTS, GROUPS, PARTS, Keypoints
+from fitting_core.relation import Relation
 from fitting_core.results.error_bars import ErrorBars, error_bar_arrays
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.results.provenance import Provenance
@@ -100,6 +102,25 @@ def sample_error_bars(seed: int, frames: int = FRAMES) -> ErrorBars:
     joints, angles = (rng.random(values.shape, np.float32) for values in (unknown.joints, unknown.angles))
     joints[0], angles[0] = np.nan, np.nan
     return ErrorBars(joints=joints, angles=angles)
+
+
+def sample_view(clip: Clip, *, name: str, count: int, times: np.ndarray | None = None) -> OtherView:
+    """Of a camera a quarter turn to the left, that shows random keypoints."""
+    relation = Relation(
+        rotation=((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)),
+        translation=(-4.0, 0.0, 4.0),
+        offset=-1 / clip.frame_rate,
+        rotation_deviation=2.0,
+        direction_deviation=1.5,
+        offset_deviation=0.01,
+        disagreement=0.004,
+        overlap=(len(clip) - 2) / clip.frame_rate,
+        vertical_off=3.0,
+    )
+    other = replace(
+        clip, keypoints=sample_keypoints(count, seed=count), name=name, views=(), source=None, first_frame=0
+    )
+    return OtherView(clip=other, times=times, relation=relation)
 
 
 def sample_fit(seed: int, *, last_phase: int = 3, frames: int = FRAMES, components: int = 12) -> FitResult:

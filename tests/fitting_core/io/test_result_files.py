@@ -16,7 +16,7 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
-from fitting_core.camera import Camera, project
+from fitting_core.camera import Camera, Lens, project
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
@@ -26,7 +26,7 @@ from fitting_core.keypoints import Keypoints
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.results.provenance import Provenance
 from tests.samples.body_files import VERTICES, body_arrays, write_npz
-from tests.samples.project_samples import sample_error_bars
+from tests.samples.project_samples import sample_error_bars, sample_view
 from tests.samples.walkers import HEIGHT, TILT, grounding_of_a_walk
 
 FRAMES = 5
@@ -148,6 +148,23 @@ def test_error_bars_read_back_and_old_files_open_without(tmp_path: Path, result:
     np.testing.assert_array_equal(stored.angles, bars.angles)
     write_result(tmp_path / "old", fit, clip, body)
     assert read_fit(tmp_path / "old").error_bars is None
+
+
+def test_other_views_read_back(tmp_path: Path, result: Callable[..., Result]):
+    fit, clip, body = result()
+    first = sample_view(clip, name="b", count=4)
+    lens = Lens(focal=(700.0, 700.0), center=(300.0, 250.0), distortion=(0.1, 0.0, 0.0, 0.0))
+    second = replace(sample_view(clip, name="c", count=6, times=np.arange(6.0) ** 1.5), relation=first.relation)
+    second = replace(second, clip=replace(second.clip, camera=replace(CAMERA, lens=lens), first_frame=3))
+    write_result(tmp_path, fit, replace(clip, views=(first, second)), body)
+    stored = read_fit(tmp_path).views
+    assert [view.relation for view in stored] == [first.relation, second.relation]
+    assert stored[0].times is None and stored[1].times is not None and second.times is not None
+    np.testing.assert_array_equal(stored[1].times, second.times)
+    for found, view in zip(stored, (first, second), strict=True):
+        np.testing.assert_allclose(found.clip.keypoints.xy, view.clip.keypoints.xy, rtol=1e-6)
+        plain = [(c.camera, c.name, c.frame_rate, c.first_frame, c.detector) for c in (found.clip, view.clip)]
+        assert plain[0] == plain[1]
 
 
 def test_error_bars_of_six_angles_are_those_of_earlier_versions(tmp_path: Path, result: Callable[..., Result]):
@@ -289,12 +306,21 @@ def _without(name: str) -> Callable[[dict], dict]:
         (lambda a: a | {"angle_error_bars": -a["angle_error_bars"]}, "below 0"),
         (_without("angle_error_bars"), "lacks"),
         (lambda a: a | {"size": np.float64(np.nan)}, "its size is nan"),
+        (_without("view1_keypoints"), "lacks 'view1_keypoints'"),
+        (lambda a: a | {"view3_name": np.asarray("d")}, "lacks 'view2_keypoints'"),
+        (lambda a: a | {"view1_keypoints": np.zeros((4, 25, 3))}, r"view1_keypoints .* expected .* \(4, 137, 3\)"),
+        (lambda a: a | {"view1_rotation": np.ones((3, 3))}, "is not a rotation"),
+        (lambda a: a | {"view1_offset": np.asarray("soon")}, "view1_offset is <U4 .* expected finite numbers"),
+        (lambda a: a | {"view1_times": np.zeros(4)}, "do not rise"),
+        (lambda a: a | {"view1_frame_rate": np.float64(0)}, "frame rate of a view is 0"),
+        (_without("view1_camera_focal"), "lacks 'view1_camera_focal'"),
     ],
 )
 def test_broken_files_are_named(
     tmp_path: Path, result: Callable[..., Result], change: Callable[[dict], dict], message: str
 ):
     path, (fit, clip, body) = tmp_path / "fit.npz", result(1)
+    clip = replace(clip, views=(sample_view(clip, name="b", count=4),))
     np.savez(path, **change(fit_arrays(_with_bars(fit), clip, body)))
     with pytest.raises(InputError, match=message):
         read_fit(path)

@@ -77,7 +77,7 @@ def test_a_video_that_is_gone_is_told_of_and_nothing_is_made(tmp_path: Path, res
 def test_a_video_that_is_not_a_path_is_explained(video: str, tmp_path: Path, result: Path):
     content = json.loads((result / SUMMARY_NAME).read_text())
     (result / SUMMARY_NAME).write_text(json.dumps(content | {"video": video}))
-    with pytest.raises(InputError, match=r'summary\.json: "video" is not a path of this computer'):
+    with pytest.raises(InputError, match=r"summary\.json: the path of a video is not a path of this computer"):
         project_of_result(result, tmp_path / "walk.tcfit")
     assert video_of(result) is None and not (tmp_path / "walk.tcfit").exists()
 
