@@ -11,9 +11,7 @@ root. They need the development data (see clips.py), which is not part of the pr
     error_bars      error bars beside true errors, and the table that widens them
     keypoint_noise  noise of each keypoint by detector
     detector        the embedded detector: confidence, hands, speed
-    speed           time and memory of whole fits, by phase and length
-    profile         time of a fit by part
-    video_stages    time of each stage from a plain video to its fit
+    speed           fits, detection and start in units of this computer, beside the committed values
     live            time of one move of a live correction
     review          time of the app in a browser: opening, seeking, dragging
     screenshots, screencast  pictures and the film of the documentation

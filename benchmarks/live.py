@@ -17,9 +17,7 @@ from tyro.conf import OmitArgPrefixes
 
 from benchmarks.clips import read
 from benchmarks.excerpts import mirrored
-from benchmarks.profile import SECTIONS
 from benchmarks.report import Common, Row, progress, repeated, report, start
-from benchmarks.sections import Stopwatch
 from fitting_core import keypoints as kp
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
@@ -134,25 +132,11 @@ def _millimetres(body: BodyModel, a: BodyParams, b: BodyParams) -> float:
     return 1e3 * float((mesh.joints(a)[:, :22] - mesh.joints(b)[:, :22]).norm(dim=-1).max())
 
 
-def section_rows(name: str, correction: Correction, targets: list[np.ndarray]) -> list[Row]:
-    """Where the CPU time of a move goes."""
-    drag, watch = LiveCorrection(correction, targets[0]), Stopwatch(time.thread_time)
-    with watch.attached(SECTIONS):
-        for xy in targets:
-            with watch.section("rest"):
-                drag.move(xy)
-                drag.resolve()
-    spent = {title: 1e3 * s.seconds / len(targets) for title, s in watch.spent.items()}
-    largest = sorted(spent.items(), key=lambda item: -item[1])
-    return [{"clip": name, "section": title, "CPU ms a move": ms} for title, ms in largest if ms > 0.3]
-
-
 def run(options: Live) -> None:
     """Drags in each clip."""
     body, config = options.common.load_body(), PRESETS["tcfit"]
     times: list[Row] = []
     apart: list[Row] = []
-    sections: dict[str, list[Row]] = {}
     for name in options.clips:
         whole = read(name).clip
         clip: Clip = mirrored(whole, min(len(whole), options.frames), options.frames)
@@ -170,9 +154,7 @@ def run(options: Live) -> None:
             rows, distance = drag_rows(name, c, targets, options.reruns)
             times += rows
             apart.append(distance)
-            if reach == options.reaches[0]:
-                sections[f"{name}: a move, window of {2 * reach + 1}"] = section_rows(name, c, targets)
-    report(options, {"Live correction": times, "How far apart": apart} | sections)
+    report(options, {"Live correction": times, "How far apart": apart})
 
 
 if __name__ == "__main__":
