@@ -38,7 +38,7 @@ _WORTH_LOOKING = 0.35
 _LONG = 1.5
 """Ratio of the sides of an image from which its ends are looked at by themselves."""
 _NOBODY = np.zeros((COUNT, 3))
-_VERSION = 2
+_VERSION = 3
 """Raised whenever the same networks would find something different."""
 
 

@@ -71,9 +71,8 @@ def test_the_rendered_person_is_found_with_hands_and_face(found: Detected, drawn
     both = (points[..., 2] > 0.3) & (drawn.confidence > 0.3)
     for part, most in ((BODY, 12), (LEFT_HAND, 7), (RIGHT_HAND, 7), (FACE, 4)):
         assert both[:, part].mean() > 0.6
-        # Of the middle frame: these are a second apart, and in three of seven a face is sought where it was before, and
-        # found 16 to 31 pixels away.
-        assert np.median([np.median(off[part][sure[part]]) for off, sure in zip(apart, both, strict=True)]) < most
+        # Of each frame: these are a second apart, so nothing is where it was in the frame before.
+        assert max(np.median(off[part][sure[part]]) for off, sure in zip(apart, both, strict=True)) < most
     wrists = [INDEX["left_wrist"], INDEX["right_wrist"]]
     assert np.median(apart[:, wrists][both[:, wrists]]) < 12
 
