@@ -38,7 +38,7 @@ class Clip:
     found_by: str = ""
     """Name and version of the detector where tcfit found the keypoints itself; empty where they were given."""
     views: "tuple[OtherView, ...]" = ()
-    """Other views of the person at the same time, related to this one (see `fit.views`)."""
+    """Other views of the person at the same time; a fit relates those to this one that are not yet (`fit.views`)."""
 
     def __len__(self) -> int:
         return len(self.keypoints)

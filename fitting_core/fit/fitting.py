@@ -141,7 +141,7 @@ def fit_events(
     Raises:
         InputError: no frame of the clip shows enough of a person.
     """
-    return (yield from _Fit(clip, body, config, start=start, shape=shape, known=known).run())
+    return (yield from _Fit(related(clip), body, config, start=start, shape=shape, known=known).run())
 
 
 def fit_clip(
@@ -160,7 +160,7 @@ def fit_clip(
         views: Other clips of the person at the same time, in addition to `clip.views`.
         tell: receives each event; what it raises cancels the fit.
     """
-    clip = related(clip, (*clip.views, *views)) if views else clip
+    clip = replace(clip, views=(*clip.views, *views))
     return drained(mapped(fit_events(clip, body, config, start=start, shape=shape), tell))
 
 
@@ -237,7 +237,7 @@ def shape_events(
         start: its first phase is kept, and what that began with.
         shape: as in `fit_events`.
     """
-    again = _Fit(clip, body, config, start=start.start, shape=shape)
+    again = _Fit(related(clip), body, config, start=start.start, shape=shape)
     return (yield from again.run_again(start))
 
 

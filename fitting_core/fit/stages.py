@@ -26,6 +26,7 @@ from fitting_core.fit.terms.table import camera_terms, stage_terms
 from fitting_core.fit.variables.estimate import SolverView
 from fitting_core.fit.variables.state import Free, Parametrisation, State
 from fitting_core.fit.views.evidence import points_in_space
+from fitting_core.fit.views.relating import related
 from fitting_core.keypoints import Keypoints
 from fitting_core.lifting.clip_lifting import LIFTED_HEIGHT
 from fitting_core.priors.pose import make_prior
@@ -194,7 +195,7 @@ class Stages:
             start=start,
             size=size,
             silhouettes=clip.silhouettes,
-            located=points_in_space(clip) if clip.views else None,
+            located=points_in_space(related(clip)) if clip.views else None,
         )
 
     def holding(self, stances: Stances) -> "Stages":

@@ -13,7 +13,6 @@ from itertools import count
 
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.fit.fitting import Refit
@@ -27,7 +26,7 @@ from tcfit_app.fitting.live import LIVE_REACH, Correction, Target
 from tcfit_app.fitting.reports import DragEnded, DragMoved, ErrandEnded, Notice
 from tcfit_app.fitting.worker import LiveDrag, Worker
 from tcfit_app.project.edits.edit_log import LogEntry
-from tcfit_app.project.edits.kinds import Keep, Release
+from tcfit_app.project.edits.kinds import AddView, Keep, Release, RemoveView
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.changes import Changes, Frames
@@ -162,7 +161,7 @@ class EditFollower:
         def renewed() -> Correction:
             start = self._fits.fit(self.of(shown.run.id))
             seen = self._project.last_edit
-            return of(self._clip(start.camera), start.last.params, start, seen)
+            return of(self._project.clip_by(start.camera), start.last.params, start, seen)
 
         def keep(correction: Correction, target: Target, refit: Refit, edit: int | None) -> None:
             self._keep_drag(shown.run.id, correction, target, refit, edit)
@@ -276,8 +275,11 @@ class EditFollower:
         return job
 
     def _accepted(self, recent: dict[int, bool], tell: Callable[[Notice], None]) -> dict[int, bool]:
-        """Recent edits that the fit follows; none if they are too many."""
+        """Recent edits that the fit follows; none if they are too many. Whole views need a new fit."""
         edits = self._wanted(recent)
+        if views := [edit for edit in edits if isinstance(self._project.standing.said(edit), AddView | RemoveView)]:
+            tell(Notice(title="Fit the clip again", text="The fits on show were made with other views than these."))
+            edits = {edit: stands for edit, stands in edits.items() if edit not in views}
         counted = [edit for edit in edits if not isinstance(self._project.standing.said(edit), Keep | Release)]
         if sum(map(len, self._windows(counted))) <= MOST_FOLLOWED:
             return edits
@@ -302,15 +304,12 @@ class EditFollower:
         def renewed(job: CorrectionJob) -> tuple[RerunFrames, dict[int, bool], int]:
             seen, left = self._project.last_edit, self._wanted(job.edits)
             start = self._fits.fit(self.of(run.id))
-            clip, windows = self._clip(start.camera), self._windows(left)
+            clip, windows = self._project.clip_by(start.camera), self._windows(left)
             return RerunFrames(clip=clip, body=body, config=config, start=start, windows=windows), left, seen
 
         frames = sorted(frame for window in self._windows(edits) for frame in window)
         title = f"Follow edits: re-run {in_words(frames, self._project.footage.first_frame)}"
         return CorrectionJob(origin=run.id, edits=edits, title=title, renewed=renewed, keep=self._keep_followed)
-
-    def _clip(self, camera: Camera) -> Clip:
-        return replace(self._project.clip, camera=camera)
 
     # --- storing, on the worker's thread ---
 

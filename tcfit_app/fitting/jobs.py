@@ -103,7 +103,7 @@ class FitEverything:
         quick = replace(
             self.config, last_phase=1, relay_rounds=0, limb_flips=False, yaws="side_view", settings=settings
         )
-        part = replace(self.clip, keypoints=keypoints, camera=self.clip.camera[frames.start : frames.stop])
+        part = replace(self.clip, keypoints=keypoints, camera=self.clip.camera[frames.start : frames.stop], views=())
         try:
             for event in fit_events(part, self.body, quick):
                 if isinstance(event, PhaseFinished):

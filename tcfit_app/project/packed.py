@@ -18,6 +18,7 @@ import shutil
 import sqlite3
 import stat
 import zipfile
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -32,9 +33,10 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database, media, runs
 from tcfit_app.project.storage.accessing import creating
 from tcfit_app.project.storage.clip import DETECTIONS, copy_detections, creation_time, stored_link
+from tcfit_app.project.storage.columns import Damage
 from tcfit_app.project.storage.media import MediaLink
-from tcfit_app.project.storage.names import portable
 from tcfit_app.project.storage.reference import NAME as REFERENCE
+from tcfit_app.project.storage.view_media import store_view_link, view_links
 
 SUFFIX = ".tcfit.zip"
 ABOUT = "tcfit-project.json"
@@ -138,20 +140,51 @@ def _run_files(folder: Path, copy: Path) -> list[tuple[Path, str]]:
 
 
 def _media_files(folder: Path, copy: Path, *, with_media: bool) -> list[tuple[Path, str]]:
-    """Files of the video; the snapshot is updated with its place in the package."""
+    """Files of the videos, of the clip and of its other views; the snapshot is updated with their places in the
+    package."""
     with closing(database.copied(copy)) as connection:
-        link = stored_link(connection)
-        if link is None or not (with_media or media.is_own(link)):
-            return []
-        own = media.is_own(link)
-        path = _own_video(folder, link) if own else _video_elsewhere(folder, link)
-        files = _files(path) if own else media.frame_files(path)
-        packed = msgspec.structs.replace(link, relative=f"{media.FOLDER}/{portable(path.name)}")
-        if not own and path.is_dir():
-            packed = msgspec.structs.replace(packed, fingerprint=fingerprint_of_images(files))
-        connection.execute("UPDATE clip SET media = ?", (msgspec.json.encode(packed).decode(),))
+        links = _links(connection)
+        standing = _standing_views(copy) if links.keys() - {None} else set()
+        files, taken = list[tuple[Path, str]](), {link.relative.casefold() for link in links.values()}
+        for view, link in links.items():
+            if (view is not None and view not in standing) or not (with_media or media.is_own(link)):
+                continue
+            path, frames, packed = _packed_media(folder, link, lambda name: name.casefold() in taken)
+            taken.add(packed.relative.casefold())
+            files += [(file, packed.relative + f"/{file.name}" * (file != path)) for file in frames]
+            if view is not None:
+                store_view_link(connection, view, packed)
+            else:
+                connection.execute("UPDATE clip SET media = ?", (msgspec.json.encode(packed).decode(),))
         connection.commit()
-    return [(file, packed.relative + f"/{file.name}" * (file != path)) for file in files]
+    return files
+
+
+def _links(connection: sqlite3.Connection) -> dict[int | None, MediaLink]:
+    """The links to the videos, in a copy of the database, by the id of the view; None: of the clip."""
+    link = stored_link(connection)
+    return ({} if link is None else {None: link}) | dict(
+        view_links(lambda query: connection.execute(query).fetchall(), Damage())
+    )
+
+
+def _standing_views(copy: Path) -> set[int]:
+    """The ids of the views in the snapshot, beside which its detections lie."""
+    with Project.open(copy.parent, read_only=True) as project:
+        return {view.id for view in project.views}
+
+
+def _packed_media(folder: Path, link: MediaLink, taken: Callable[[str], bool]) -> tuple[Path, list[Path], MediaLink]:
+    """A video, its files, and the link to it in a package."""
+    if media.is_own(link):
+        path = _own_video(folder, link)
+        return path, _files(path), link
+    path = _video_elsewhere(folder, link)
+    files = media.frame_files(path)
+    packed = msgspec.structs.replace(link, relative=media.free_name(path.name, taken))
+    if path.is_dir():
+        packed = msgspec.structs.replace(packed, fingerprint=fingerprint_of_images(files))
+    return path, files, packed
 
 
 def _video_elsewhere(folder: Path, link: MediaLink) -> Path:
@@ -281,11 +314,12 @@ def _is_ours(name: str) -> bool:
 
 
 def _check_link(path: Path, draft: Path) -> None:
-    """Check that a video said to be in the project is there, or nowhere."""
+    """Check that videos said to be in the project are there, or nowhere."""
     with closing(database.copied(draft / database.NAME)) as connection:
-        link = stored_link(connection)
-    if link is not None and media.is_own(link) and not _is_ours(link.relative):
-        raise InputError(f"{path}: was not unpacked: its video has the invalid path {link.relative[:100]!r}.")
+        links = _links(connection)
+    for link in links.values():
+        if media.is_own(link) and not _is_ours(link.relative):
+            raise InputError(f"{path}: was not unpacked: its video has the invalid path {link.relative[:100]!r}.")
 
 
 def _check_space(path: Path, entries: list[zipfile.ZipInfo], draft: Path) -> None:

@@ -12,7 +12,7 @@ changed once there are any |
 | runs/000003.partial.npz | the frames that the interrupted first phase of a run has fitted |
 | reference.npz | the reference that fits are compared with, if any |
 | handshapes.toml | the user's own set of handshapes, if any |
-| media/ | the video or images, if they were copied; otherwise the database has their path |
+| media/ | the videos or images, if they were copied; otherwise the database has their paths |
 | project.lock | held by the writing process |
 
 When a method that changes something returns, the change is on disk. After a crash, the project opens as if it had been
@@ -34,7 +34,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from fitting_core.camera import Camera
-from fitting_core.clip import Clip
+from fitting_core.clip import Clip, OtherView
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import sweep, sweep_beside
 from fitting_core.io.people_file import refuse_several
@@ -57,7 +57,9 @@ from tcfit_app.project.edits.edit_log import (
     encode,
     frames_changed,
 )
+from tcfit_app.project.edits.kinds import AddView, EditView, KeypointEdit, RemoveView, check
 from tcfit_app.project.edits.standing import Standing
+from tcfit_app.project.other_view import ProjectView
 from tcfit_app.project.storage import database, media
 from tcfit_app.project.storage.accessing import accessing, creating
 from tcfit_app.project.storage.clip import (
@@ -73,9 +75,11 @@ from tcfit_app.project.storage.columns import Columns, Count, of, text, time
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.lock import ProjectLock
 from tcfit_app.project.storage.marks import MarkStore
-from tcfit_app.project.storage.media import Media
+from tcfit_app.project.storage.media import Media, MediaLink
+from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.project.storage.reference import store_reference, stored_reference
 from tcfit_app.project.storage.runs import Runs
+from tcfit_app.project.storage.view_media import store_view_link, view_links
 
 _REMOVED = ('{"kind":"take_rotations"',)
 """Beginnings of edits that only earlier versions made. They stay in the log, and are ignored."""
@@ -95,6 +99,9 @@ class Project:
         self.marks = MarkStore(
             store, len(stored), self._marks_done, lambda action, author: self.append(action, author=author)
         )
+        links = view_links(store.rows, store.damage)
+        self._view_media = {view: media.find(link, folder) for view, link in links.items()}
+        self._views: tuple[ProjectView, ...] = ()
         self._stored, self._database, self._lock = stored, store, held
         self.review = ReviewOfClip(store, lambda: self.last_edit)
         """Of the clip as a whole: see `ClipReview`."""
@@ -140,8 +147,9 @@ class Project:
 
         Args:
             folder: Must not exist, or be empty.
-            clip: Its keypoints become the detections, its source the project's media.
-            copy_media: Copy the source into the project; otherwise it is linked.
+            clip: Its keypoints become the detections, its source the project's media; its other views are related to
+                it.
+            copy_media: Copy the sources into the project; otherwise they are linked.
             begin: Writes what must be in it before it becomes visible; its errors are raised.
         """
         folder, link = folder.resolve(), None
@@ -149,9 +157,12 @@ class Project:
             if clip.source:
                 link = media.copy(clip.source, draft) if copy_media else media.link(clip.source, folder)
             write_clip(draft, clip, link=link)
-            if begin is not None:
+            if begin is not None or clip.views:
                 with Project.open(draft) as project:
-                    begin(project)
+                    for view in clip.views:
+                        project.add_view(view, copy_media=copy_media, linked_from=folder)
+                    if begin is not None:
+                        begin(project)
         return Project.open(folder)
 
     @staticmethod
@@ -251,12 +262,80 @@ class Project:
 
     @property
     def clip(self) -> Clip:
-        """The clip to fit now: corrected keypoints, and the source's current path."""
+        """The clip to fit now: corrected keypoints, other views, and the source's current path."""
         with self._guard:
-            keypoints = self._history.keypoints
-            if self._clip is None or self._clip.keypoints is not keypoints or self._clip.source != self.media.path:
-                self._clip = replace(self.footage, keypoints=keypoints)
-            return self._clip
+            now, footage = self._clip, self.footage
+            keypoints, views = self._history.keypoints, tuple(one.seen_by(footage.camera) for one in self.views)
+            if now is None or now.keypoints is not keypoints or (now.views, now.source) != (views, footage.source):
+                self._clip = now = replace(footage, keypoints=keypoints, views=views)
+            return now
+
+    def clip_by(self, camera: Camera) -> Clip:
+        """The same with another camera, such as a run's."""
+        with self._guard:
+            return replace(self.clip, camera=camera, views=tuple(one.seen_by(camera) for one in self.views))
+
+    # --- other views ---
+
+    @property
+    def views(self) -> tuple[ProjectView, ...]:
+        """Other views of the person, in the order in which they were added."""
+        with self._guard:
+            known = {view.standing: view for view in self._views}
+            unknown = Media(path=None, problem="This view has no video.")
+            found = list[ProjectView]()
+            for standing in self._history.views:
+                there, before = self._view_media.get(standing.id, unknown), known.get(standing)
+                same = before is not None and before.media == there
+                found.append(before if same and before else ProjectView(standing=standing, media=there))
+            self._views = tuple(found)
+            return self._views
+
+    def add_view(
+        self, view: OtherView, *, copy_media: bool = False, author: str = "", linked_from: Path | None = None
+    ) -> LogEntry:
+        """Add another view, an edit like others. Raises InputError as `append`, or if its video cannot be read.
+
+        Args:
+            view: With its relation to the clip.
+            copy_media: Copy its video into the project; otherwise it is linked.
+            author: Who adds it.
+            linked_from: The folder that the link is relative to, if the project will be moved there.
+        """
+        self.refuse_read_only()
+        with self._changing_files:
+            source, link = view.clip.source, None
+            if source is not None:
+                link = media.copy(source, self.folder) if copy_media else media.link(source, linked_from or self.folder)
+            named = replace(view, clip=replace(view.clip, name=name_of_file(view.clip.name)))
+            return self.append(AddView.of(named, self.footage), author=author, video=link)
+
+    def removal_of_view(self, view: int) -> RemoveView:
+        """The edit that removes a view, by its id."""
+        return RemoveView(frames=tuple(range(len(self._stored))), joints=(), view=view)
+
+    def edit_of_view(self, view: int, edit: KeypointEdit) -> EditView:
+        """The edit that makes `edit` in a view, whose frames are counted from the view's first. Raises InputError if
+        the view is no longer there, or lacks a frame."""
+        there = next((one for one in self.views if one.id == view), None)
+        if there is None:
+            raise InputError("This other view is no longer there: someone has removed it.")
+        check(edit, there.standing.added.count, there.standing.added.first_frame)
+        frames = there.frames_beside(edit.frames, len(self._stored), self._stored.frame_rate)
+        return EditView(frames=frames, joints=(), view=view, edit=edit)
+
+    def relink_view(self, view: int, source: Path) -> None:
+        """Set the path of a view's video or images. Raises InputError as `relink`."""
+        self.refuse_read_only()
+        with self._changing_files:
+            link = media.link(source, self.folder)
+            media.check_decodes(source)
+            with self._database.transaction() as connection:
+                store_view_link(connection, view, link)
+            found = media.find(link, self.folder)
+            with self._guard:
+                self._view_media[view] = found
+                self.video_version += 1
 
     @property
     def has_detections(self) -> bool:
@@ -487,9 +566,15 @@ class Project:
                 self.append(Redo(edit=edit.id), author=author)
             return edit
 
-    def append(self, action: LogAction, *, author: str = "") -> LogEntry:
+    def append(self, action: LogAction, *, author: str = "", video: MediaLink | None = None) -> LogEntry:
         """Make an edit or a mark; it is on disk when this returns. Raises InputError if it is invalid for this clip, or
-        the project cannot be written; nothing has changed."""
+        the project cannot be written; nothing has changed.
+
+        Args:
+            action: Which.
+            author: Who makes it.
+            video: That of a view that is added.
+        """
         with self._guard:
             if self.runs.refusal and not isinstance(action, Remark | Undo | Redo):
                 raise InputError(self.runs.refusal)
@@ -500,8 +585,12 @@ class Project:
             with self._database.transaction() as connection:
                 values = (time.isoformat(), author, text)
                 added = connection.execute("INSERT INTO edits (time, author, action) VALUES (?, ?, ?)", values)
-            number = added.lastrowid
-            assert number is not None
+                number = added.lastrowid
+                assert number is not None
+                if video is not None:
+                    store_view_link(connection, number, video)
+            if video is not None:
+                self._view_media[number] = media.find(video, self.folder)
             entry = LogEntry(id=number, time=time, author=author, action=action)
             self._history.add(entry)
             self._log.append(entry)

@@ -42,16 +42,19 @@ class _Found:
         return self.pose.cost / max(self.alike, 0.05)
 
 
-def related(clip: Clip, views: Sequence[OtherView]) -> Clip:
+def related(clip: Clip, views: Sequence[OtherView] = ()) -> Clip:
     """The clip with other views of its person, each related to it.
 
     Args:
-        clip: The first view, at its frame rate.
-        views: The others; those with a relation keep it.
+        clip: The first view, at its frame rate; its views that are not related yet, are.
+        views: Further ones; those with a relation keep it.
 
     Raises:
         InputError: A view does not show the same person at the same time, or it cannot be determined.
     """
+    views = (*clip.views, *views)
+    if all(view.relation for view in views):
+        return replace(clip, views=views)
     first = Track(clip)
     return replace(clip, views=tuple(view if view.relation else _related(first, view) for view in views))
 

@@ -171,7 +171,7 @@ def _keypoints(
 def _cells(frames: tuple[int, ...], joints: tuple[int, ...], count: int) -> Int[np.ndarray, "f j"]:
     """Flat indices of some keypoints in some frames, `count` per frame: indexing by them takes a third of np.ix_'s
     time."""
-    return _fixed(np.array(frames)[:, None] * count + np.array(joints))
+    return _fixed(np.array(frames)[:, None] * count + np.array(joints, int))
 
 
 def read_only(array: np.ndarray) -> np.ndarray:

@@ -24,7 +24,20 @@ import msgspec
 from fitting_core.errors import InputError
 from fitting_core.keypoints import KeptDepth, Keypoints
 from tcfit_app.project.edits.corrected import Corrected, read_only
-from tcfit_app.project.edits.kinds import Edit, Keep, NewDetections, Release, TakeOver, check, clip_has
+from tcfit_app.project.edits.kinds import (
+    AddView,
+    Edit,
+    EditView,
+    Keep,
+    NewDetections,
+    OfViews,
+    Release,
+    RemoveView,
+    TakeOver,
+    check,
+    clip_has,
+)
+from tcfit_app.project.edits.other_views import StandingView, standing_views
 from tcfit_app.project.edits.standing import Standing
 
 _MEMORY = 256 * 2**20
@@ -212,6 +225,9 @@ class EditHistory:
         """Those of _done that are notes."""
         self._keeping: list[LogEntry] = []
         """Those that keep offsets, or remove them."""
+        self._viewing: list[LogEntry] = []
+        """Those of other views."""
+        self._views: tuple[StandingView, ...] = ()
         self.standing: Standing[Said] = Standing()
         """What stood after each entry."""
         self._before: deque[tuple[Edit, Corrected, Corrected | None]] = deque()
@@ -281,6 +297,13 @@ class EditHistory:
         return tuple(found)
 
     @property
+    def views(self) -> tuple[StandingView, ...]:
+        """The other views, in the order in which they were added; the same objects unless they have changed."""
+        edits = [(entry.id, entry.action) for entry in self._viewing if isinstance(entry.action, OfViews)]
+        self._views = standing_views(edits, self._views)
+        return self._views
+
+    @property
     def detected(self) -> Corrected:
         """The base of corrections: the detections, as replaced by take-overs and second looks."""
         return self._detections.view
@@ -319,13 +342,24 @@ class EditHistory:
                 raise InputError(f"A mark names the limbs of {len(action.limbs)} of {len(action.frames)} frames.")
             return self._check_note(action) if isinstance(action, WriteNote) else None
         if not isinstance(action, Undo | Redo):
-            return check(action, len(self._now.xy), self._first_frame)
+            check(action, len(self._now.xy), self._first_frame)
+            return self._check_view(action) if isinstance(action, RemoveView | EditView) else None
         verb, expected = ("undone", self.undoable) if isinstance(action, Undo) else ("redone", self.redoable)
         if expected is None or expected.id != action.edit:
             now = f"edit {expected.id} is" if expected else "nothing is"
             raise InputError(
                 f"Edit {action.edit} cannot be {verb} now; {now} next. ReviewedPerson else may have edited meanwhile."
             )
+
+    def _check_view(self, edit: RemoveView | EditView) -> None:
+        actions = [(entry.id, entry.action) for entry in self._viewing]
+        removed = {action.view for _, action in actions if isinstance(action, RemoveView)}
+        added = {number: action for number, action in actions if isinstance(action, AddView)}
+        if edit.view not in added.keys() - removed:
+            raise InputError("This other view is no longer there: someone has removed it.")
+        if isinstance(edit, EditView):
+            view = added[edit.view]
+            check(edit.edit, view.count, view.first_frame)
 
     def _check_frames(self, frames: tuple[int, ...]) -> None:
         length, first = len(self._now.xy), self._first_frame
@@ -393,7 +427,9 @@ class EditHistory:
         """The list of those of its kind that are done, if there is one."""
         if isinstance(said, WriteNote | WriteNotes):
             return self._written
-        return self._keeping if isinstance(said, Keep | Release) else None
+        if isinstance(said, Keep | Release):
+            return self._keeping
+        return self._viewing if isinstance(said, OfViews) else None
 
     def _make(self, edit: Edit) -> None:
         before = self._now.at(edit.frames, edit.joints)

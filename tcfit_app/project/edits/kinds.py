@@ -11,6 +11,8 @@ import msgspec
 import numpy as np
 from jaxtyping import Float
 
+from fitting_core.camera import Camera, is_possible, is_rotation
+from fitting_core.clip import Clip, OtherView
 from fitting_core.errors import InputError
 from fitting_core.keypoints import (
     BODY_25,
@@ -25,8 +27,10 @@ from fitting_core.keypoints import (
     NAMES,
     PARTS,
     KeptDepth,
+    Keypoints,
     PartOfPerson,
 )
+from fitting_core.relation import Relation
 from fitting_core.video.frame_names import spans
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.keyframes import carried, keyed
@@ -509,6 +513,98 @@ class MoveKey(_KeyEdit, frozen=True, tag="move_key"):
         return super().problem(length) or ("" if self.to in self.frames else "the new keyframe is not among its frames")
 
 
+class _OfViews(_Edit, frozen=True):
+    """An edit of other views of the person: it changes the fit in `frames`, and none of the clip's own keypoints."""
+
+    def change(self, here: Corrected, now: Corrected) -> None:
+        pass
+
+
+class AddView(_OfViews, frozen=True, tag="add_view"):
+    """Add another view of the person. Its id in the log identifies the view; where its video is may change, and is
+    stored beside the log."""
+
+    name: str
+    """Of its clip, for people."""
+    count: int
+    """Number of its frames."""
+    first_frame: int
+    frame_rate: float
+    detector: str
+    camera: Camera
+    relation: Relation
+    """To the clip, found with the clip's camera of `focal`."""
+    focal: tuple[float, float]
+    packed: bytes
+    """The result of `packed_points.packed` for x, y and confidence, for each of its frames and all keypoints."""
+    times: tuple[float, ...] | None = None
+    """As in `OtherView`."""
+
+    @staticmethod
+    def of(view: OtherView, clip: Clip) -> "AddView":
+        """Add a view that is related to a clip, for all of the clip's frames."""
+        other, keypoints, relation = view.clip, view.clip.keypoints, view.relation
+        assert relation is not None, "views are related to the clip before they are added"
+        return AddView(
+            frames=tuple(range(len(clip))),
+            joints=(),
+            name=other.name,
+            count=len(other),
+            first_frame=other.first_frame,
+            frame_rate=other.frame_rate,
+            detector=other.detector,
+            camera=other.camera,
+            relation=relation,
+            focal=clip.camera.focal,
+            packed=packed(np.dstack([keypoints.xy, keypoints.confidence])),
+            times=None if view.times is None else tuple(view.times.tolist()),
+        )
+
+    @property
+    def keypoints(self) -> Keypoints:
+        """As they were detected. Raises ValueError if they cannot be unpacked."""
+        points = unpacked(self.packed, self.count, COUNT, 3)
+        return Keypoints(xy=points[..., :2], confidence=points[..., 2])
+
+    def problem(self, length: int) -> str:
+        relation, times = self.relation, self.times
+        numbers = [self.frame_rate, *relation.translation, relation.offset, *np.ravel(relation.rotation), *self.focal]
+        if not np.isfinite(numbers).all() or self.frame_rate <= 0 or min(self.focal) <= 0 or self.first_frame < 0:
+            return "a number of the view is not finite, or not positive"
+        if not is_possible(self.camera) or self.camera.path is not None or not is_rotation(relation.turn):
+            return "the camera of the view, or how it relates to the clip's, is invalid"
+        if times is not None and (len(times) != self.count or not (np.diff(times) > 0).all()):
+            return f"the view has {len(times)} times for {self.count} frames, or they do not rise"
+        if not self.name.strip() or not self.name.isprintable():
+            return "the view's name is not one line"
+        if self.count < 2:
+            return f"the view has {self.count} frames, expected 2 or more"
+        try:
+            return _points_problem(unpacked(self.packed, self.count, COUNT, 3))
+        except ValueError as error:
+            return str(error)
+
+
+class RemoveView(_OfViews, frozen=True, tag="remove_view"):
+    """Remove a view that was added."""
+
+    view: int
+    """Id of the log entry that added it."""
+
+
+KeypointEdit = MoveKeypoint | Nudge | MarkBad | Restore | SwapSides | CopyFrom | Interpolate | Reset
+"""Edits of keypoints in the image, which other views take too."""
+
+
+class EditView(_OfViews, frozen=True, tag="edit_view"):
+    """Edit keypoints of another view."""
+
+    view: int
+    """Id of the log entry that added it."""
+    edit: KeypointEdit
+    """Its frames are those of the view, from its first (0)."""
+
+
 Edit = (
     MoveKeypoint
     | Nudge
@@ -532,7 +628,12 @@ Edit = (
     | ShapeHand
     | TakeOver
     | DetectAgain
+    | AddView
+    | RemoveView
+    | EditView
 )
+OfViews = AddView | RemoveView | EditView
+"""They change other views only."""
 NewDetections = TakeOver | DetectAgain
 """Their keypoints count as detected from then on."""
 KINDS: dict[str, type[Edit]] = {kind.__struct_config__.tag: kind for kind in get_args(Edit)}
@@ -547,12 +648,18 @@ def check(edit: Edit, length: int, first_frame: int = 0) -> None:
     """
     problem = (
         _choice_problem(edit.frames, length, clip_has(length, first_frame), "frame", first_frame)
-        or _choice_problem(edit.joints, COUNT, f"keypoints have numbers 0 to {COUNT - 1}", "keypoint")
+        or _joints_problem(edit)
         or edit.problem(length)
     )
     if problem:
         kind = str(edit.__struct_config__.tag).replace("_", " ")
         raise InputError(f"Invalid edit ({kind}): {problem}. Nothing was changed.")
+
+
+def _joints_problem(edit: Edit) -> str:
+    if isinstance(edit, OfViews):
+        return "it names keypoints of the clip itself" if edit.joints else ""
+    return _choice_problem(edit.joints, COUNT, f"keypoints have numbers 0 to {COUNT - 1}", "keypoint")
 
 
 def clip_has(length: int, first_frame: int) -> str:

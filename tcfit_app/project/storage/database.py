@@ -89,6 +89,11 @@ def _review_of_the_clip(connection: sqlite3.Connection) -> None:
     connection.execute("INSERT INTO review (id) VALUES (1)")
 
 
+def _other_views(connection: sqlite3.Connection) -> None:
+    """Where the videos of other views are, by the id of the edit that added the view."""
+    connection.execute("CREATE TABLE views (edit INTEGER PRIMARY KEY, media TEXT NOT NULL)")
+
+
 MIGRATIONS: tuple[Callable[[sqlite3.Connection], None], ...] = (
     _first_tables,
     _review_marks,
@@ -97,12 +102,15 @@ MIGRATIONS: tuple[Callable[[sqlite3.Connection], None], ...] = (
     _given_starts,
     _height,
     _review_of_the_clip,
+    _other_views,
 )
 """MIGRATIONS[n] upgrades version n to n + 1. Append only: projects of all versions exist."""
 WITH_KINDS = MIGRATIONS.index(_kinds_of_runs) + 1
 """The version from which on runs have kinds."""
 WITH_REVIEW = MIGRATIONS.index(_review_of_the_clip) + 1
 """That from which on there is a review of the clip."""
+WITH_VIEWS = MIGRATIONS.index(_other_views) + 1
+"""That from which on there are other views."""
 
 
 def read_only_refusal(folder: Path) -> str:

@@ -2,7 +2,9 @@
 
 import os
 import shutil
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
 
 import cv2
@@ -66,11 +68,11 @@ def frame_files(path: Path) -> list[Path]:
 
 
 def copy(source: Path, project: Path) -> MediaLink:
-    """Copy a video, or the images of a folder, into a project without media. Raises InputError if that fails."""
+    """Copy a video, or the images of a folder, into a project. Raises InputError if that fails."""
     source = _named(source)
-    target = project / FOLDER / portable(source.name)
+    target = project / free_name(source.name, lambda name: (project / name).exists())
     with accessing(target):
-        target.parent.mkdir()
+        target.parent.mkdir(exist_ok=True)
         if source.is_dir():
             target.mkdir()
             for file in visible_files(source):
@@ -79,6 +81,13 @@ def copy(source: Path, project: Path) -> MediaLink:
             shutil.copyfile(source, target)
     relative = target.relative_to(project).as_posix()
     return MediaLink(relative=relative, absolute=str(source), fingerprint=fingerprint(target))
+
+
+def free_name(name: str, taken: Callable[[str], bool]) -> str:
+    """A path in a project's folder for a video or images of this name."""
+    path = Path(portable(name))
+    names = chain([path.name], (f"{path.stem}-{number}{path.suffix}" for number in count(2)))
+    return next(free for one in names if not taken(free := f"{FOLDER}/{one}"))
 
 
 def is_own(link: MediaLink) -> bool:

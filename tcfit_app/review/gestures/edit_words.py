@@ -9,10 +9,12 @@ from fitting_core.keypoints import FINGER_JOINTS, PartOfPerson
 from tcfit_app.analysis.body_regions import REGIONS, full_name
 from tcfit_app.project.edits.edit_log import MarkFrames, MarkState, Said, WriteNote, WriteNotes
 from tcfit_app.project.edits.kinds import (
+    AddView,
     ClearDepth,
     CopyFrom,
     DetectAgain,
     Edit,
+    EditView,
     Interpolate,
     Keep,
     Lock,
@@ -24,6 +26,7 @@ from tcfit_app.project.edits.kinds import (
     PlaceKey,
     Release,
     RemoveKey,
+    RemoveView,
     Reset,
     Restore,
     SetConfidence,
@@ -65,6 +68,9 @@ VERBS: dict[type[Edit], str] = {
     ShapeHand: "given the shape",
     TakeOver: "exchanged with",
     DetectAgain: "detected again",
+    AddView: "added as another view",
+    RemoveView: "another view removed",
+    EditView: "in another view:",
 }
 
 
@@ -87,6 +93,12 @@ def describe(edit: Said, first_frame: int = 0) -> str:
         return f"{len(edit.notes)} notes imported, {in_words(edit.frames, first_frame)}"
     if isinstance(edit, ShapeHand):
         return _shape_in_words(edit, first_frame)
+    if isinstance(edit, AddView):
+        return f"{shortened(edit.name)} {VERBS[AddView]}"
+    if isinstance(edit, RemoveView):
+        return VERBS[RemoveView]
+    if isinstance(edit, EditView):
+        return f"{VERBS[EditView]} {describe(edit.edit)}"
     what = part_name(edit.part) if isinstance(edit, DetectAgain) else keypoints_in_words(edit.joints)
     verb = _in_depth(edit) if isinstance(edit, SetDepth) else VERBS[type(edit)]
     if isinstance(edit, Keep):

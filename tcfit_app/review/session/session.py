@@ -182,7 +182,7 @@ class Session:
 
     def clip_of(self, camera: Camera) -> Clip:
         """The clip with its current keypoints, and a run's camera."""
-        return replace(self.project.clip, camera=camera)
+        return self.project.clip_by(camera)
 
     def fit_everything(
         self, config: FitConfig, *, kind: str, gender: str, camera: Camera | None = None, known: KnownInputs = NOTHING
