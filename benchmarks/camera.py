@@ -25,6 +25,7 @@ from fitting_core.clip import Clip
 from fitting_core.clips.options import CameraOptions
 from fitting_core.clips.reading import read_clip
 from fitting_core.ground.from_pictures import camera_from_pictures
+from fitting_core.video.sampled import SampledPictures
 from fitting_core.world_camera import WorldCamera
 
 LENSES_MM = (24.0, 26.0, 28.0, 35.0, 50.0)
@@ -145,7 +146,10 @@ def scene(number: int, *, room: bool, folder: Path) -> tuple[Clip, Float[np.ndar
 
 def estimated(clip: Clip, up: Float[np.ndarray, "3"]) -> Judged:
     """What its picture tells of the camera of a `scene`."""
-    found = camera_from_pictures(clip.camera, clip.keypoints, clip.frame_rate, clip.source, [0], estimate=True)
+    assert clip.source is not None
+    found = camera_from_pictures(
+        clip.camera, clip.keypoints, clip.frame_rate, SampledPictures(clip.source, [0], clip.camera), estimate=True
+    )
     return judged(found, clip.camera.focal[0], up)
 
 

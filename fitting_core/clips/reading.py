@@ -24,6 +24,7 @@ from fitting_core.io.cameras.moving import ClipFrames
 from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.lens import straightened_keypoints
 from fitting_core.people.person import choose_person
+from fitting_core.video.sampled import SampledPictures
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +45,8 @@ class Shot:
     rate_notes: tuple[str, ...]
     found: Detected | None = None
     """A detector's result for it, if no keypoints were given."""
+    pictures: SampledPictures | None = None
+    """Those that were taken during detection."""
 
     @property
     def first_frame(self) -> int:
@@ -62,9 +65,8 @@ class Shot:
         seen, notes = self.given.camera(self.size, self.frames, scale_by(keypoints, self.frame_rate))
         known = told_by_files(seen, self.images) if self.given.automatic else seen
         straight, _ = straightened_keypoints(keypoints, seen.lens)
-        video, frames = self.images, self.frames.numbers
-        found = camera_from_pictures(known or seen, straight, self.frame_rate, video, frames, estimate=known is None)
-        return found, notes
+        pictures = self.pictures or (self.images and SampledPictures(self.images, self.frames.numbers, seen))
+        return camera_from_pictures(known or seen, straight, self.frame_rate, pictures, estimate=known is None), notes
 
     def clip(
         self,
@@ -163,11 +165,12 @@ def _empty_shot(video: Path, images: Path, clip: ClipOptions, given: CameraGiven
 
 def _searched(shot: Shot, images: Path, detector: str | Detector, tell: Tell | None) -> Shot:
     """The same clip with all people that a detector finds."""
-    shot.given.camera(shot.size, shot.frames)  # report its errors before minutes of detection
+    camera, _ = shot.given.camera(shot.size, shot.frames)  # its errors come before minutes of detection
     numbers = shot.frames.numbers
-    found = find_keypoints(images, numbers, detector, tell or (lambda progress: None))
+    pictures = SampledPictures(images, numbers, camera)
+    found = find_keypoints(images, numbers, detector, tell or (lambda progress: None), on_frame=pictures.take)
     detections = found_detections(found, images)
-    return replace(shot, detections=detections, notes=(*shot.notes, *detections.notes), found=found)
+    return replace(shot, detections=detections, notes=(*shot.notes, *detections.notes), found=found, pictures=pictures)
 
 
 def read_clip(

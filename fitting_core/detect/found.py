@@ -10,14 +10,19 @@ from fitting_core.detect.part import Detector
 from fitting_core.detections import Detections
 from fitting_core.errors import InputError
 from fitting_core.silhouettes import Silhouettes
-from fitting_core.video.frames import FrameSource
+from fitting_core.video.frames import FrameSource, OnFrame
 
 Tell = Callable[[DetectionProgress], None]
 """Receives the progress of a detection. An exception raised there ends it; earlier results stay cached."""
 
 
 def find_keypoints(
-    video: Path, frames: range, detector: str | Detector, tell: Tell = lambda progress: None
+    video: Path,
+    frames: range,
+    detector: str | Detector,
+    tell: Tell = lambda progress: None,
+    *,
+    on_frame: OnFrame | None = None,
 ) -> Detected:
     """All people in some frames, in image coordinates; cached frames are not searched again. Raises InputError if the
     detector is not installed, results cannot be cached, or no person is found.
@@ -27,9 +32,10 @@ def find_keypoints(
         frames: Numbers of consecutive ones.
         detector: A name in `DETECTORS`, the path of a model, or one that is open.
         tell: Receives the progress.
+        on_frame: See `FrameSource`; cached frames are not decoded.
     """
     opened = find_detector(detector) if isinstance(detector, str) else detector
-    with FrameSource(video) as source:
+    with FrameSource(video, on_frame=on_frame) as source:
         detection = Detection(source=source, frames=frames, detector=opened)
         with closing(detection.events(detection.store())) as events:
             for event in events:

@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import cv2
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float
 
 from fitting_core.camera import Camera, FocalFrom, Vertical, focal_from_35mm
 from fitting_core.errors import InputError
@@ -15,7 +14,7 @@ from fitting_core.ground.lines import POSSIBLE_FOCALS, LineEvidence, along_three
 from fitting_core.image_border import seen_confidence
 from fitting_core.keypoints import Keypoints
 from fitting_core.lifting.clip_lifting import lift
-from fitting_core.video.frames import FrameSource
+from fitting_core.video.sampled import SampledPictures
 
 _USUAL_MM, _SPREAD = 32.0, 0.25
 """Prior over cameras: 35 mm equivalent, and standard deviation of its logarithm. Phones have 24 to 28 mm, and filming
@@ -26,10 +25,6 @@ _FEW = 0.2
 """Standard deviation above which the user reads that the edges are few."""
 _LEAST_DEVIATION, _MOST_DEVIATION = 1.0, 3.0
 """Degrees: of a vertical from edges at least, and above which it is not used."""
-_PICTURES = 15
-"""Frames whose median is taken: people who move vanish from it."""
-_LARGEST = 1280
-"""Pixels of the longer side of a picture in which edges are detected."""
 _MOVED = 0.5
 """Length of the median picture's edges over that of single frames below which the camera moved."""
 _ONE_IN_TEN = 1.2816
@@ -56,7 +51,7 @@ def straight_lines(camera: Camera, video: Path, frames: Sequence[int]) -> Straig
         video: A video file or a folder of images.
         frames: Numbers of the clip's frames in it.
     """
-    edges = None if camera.path is not None else _still_edges(video, frames, camera)
+    edges = None if camera.path is not None else _still_edges(SampledPictures(video, frames, camera))
     edges = np.zeros((0, 4)) if edges is None else edges
     gravity = told_gravity(camera)
     along = np.zeros(len(edges), bool)
@@ -69,8 +64,7 @@ def camera_from_pictures(
     camera: Camera,
     keypoints: Keypoints,
     frame_rate: float,
-    video: Path | None,
-    frames: Sequence[int],
+    pictures: SampledPictures | None,
     *,
     estimate: bool,
 ) -> Camera:
@@ -80,14 +74,13 @@ def camera_from_pictures(
         camera: Of the clip. One that moves stays as it is, except for a focal length.
         keypoints: Of the whole clip, straightened.
         frame_rate: Frames per second.
-        video: A video file or a folder of images, if any.
-        frames: Numbers of the clip's frames in it.
+        pictures: Of the clip, if it has any.
         estimate: Whether the focal length is estimated; otherwise the camera's own holds.
     """
     up_known = camera.world is not None and camera.world.up is not None
     edges = None
-    if video is not None and camera.path is None and (estimate or not up_known) and (keypoints.confidence > 0).any():
-        edges = _still_edges(video, frames, camera)
+    if pictures and camera.path is None and (estimate or not up_known) and (keypoints.confidence > 0).any():
+        edges = _still_edges(pictures)
     usual = _estimated(camera, float(np.log(focal_from_35mm(_USUAL_MM, camera.size))), _SPREAD) if estimate else camera
     found = usual
     for _ in range(_ROUNDS if estimate else 1):
@@ -145,23 +138,13 @@ def _with_vertical(camera: Camera, evidence: LineEvidence, share: Float[np.ndarr
     return replace(camera, vertical=Vertical(up=(x, y, z), deviation=deviation))
 
 
-def _still_edges(video: Path, frames: Sequence[int], camera: Camera) -> Float[np.ndarray, "n 4"] | None:
+def _still_edges(sampled: SampledPictures) -> Float[np.ndarray, "n 4"] | None:
     """Edges of what stands still in the straightened pictures; None if the camera moved, or the video is unreadable."""
-    smaller = min(1.0, _LARGEST / max(camera.size))
     try:
-        pictures = _grey(video, frames, camera, smaller)
+        pictures = sampled.stacked()
     except InputError:  # a keypoint file beside a broken video
         return None
     middle = len(pictures) // 2
     edges, alone = (edges_of(picture) for picture in (np.partition(pictures, middle, 0)[middle], pictures[middle]))
     moved = edge_lengths(edges).sum() < _MOVED * edge_lengths(alone).sum()
-    return None if moved else edges / smaller
-
-
-def _grey(video: Path, frames: Sequence[int], camera: Camera, smaller: float) -> UInt8[np.ndarray, "n h w"]:
-    """Frames spread over the clip, straightened, in grey."""
-    chosen = np.unique(np.linspace(0, len(frames) - 1, _PICTURES).round().astype(int))
-    size = tuple(round(smaller * length) for length in camera.size)
-    with FrameSource(video, lens=camera.lens) as source:
-        grey = (cv2.cvtColor(source.frame_or_grey(frames[i]), cv2.COLOR_RGB2GRAY) for i in chosen)
-        return np.stack([cv2.resize(picture, size, interpolation=cv2.INTER_AREA) for picture in grey])
+    return None if moved else edges / sampled.scale

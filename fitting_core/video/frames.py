@@ -1,7 +1,7 @@
 """Frames of a video file or of a folder of images, one at a time, in any order."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
@@ -16,6 +16,8 @@ from fitting_core.video.decoding import VideoFile
 from fitting_core.video.images import IMAGE_SUFFIXES, Images, spread
 
 _GREY = 96
+OnFrame = Callable[[int, UInt8[np.ndarray, "H W 3"]], None]
+"""Receives the number and the picture of a frame."""
 
 
 class FrameSource:
@@ -29,7 +31,13 @@ class FrameSource:
         ...     first = frames.frame(0)
     """
 
-    def __init__(self, path: Path, *, lens: Lens | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        lens: Lens | None = None,
+        on_frame: OnFrame | None = None,
+    ) -> None:
         """Open the path, decode its first frame, and find out how many there are. Raises InputError if it does not
         exist, is not a video, or holds no image or frame.
 
@@ -38,6 +46,7 @@ class FrameSource:
         Args:
             path: Of the video, the image or the folder.
             lens: Through which it was filmed: frames come straightened. A frame of 1920 x 1080 takes 28 ms more.
+            on_frame: Receives each frame that is decoded, in the thread that asks for it.
         """
         if not path.exists():
             raise InputError(f"{path} does not exist; expected a video file or a folder of images.")
@@ -67,6 +76,7 @@ class FrameSource:
         self.size: tuple[int, int] = (first.shape[1], first.shape[0])
         """Width and height in pixels, of the upright image."""
         self._straighten = None if lens is None else Straightener(lens, self.size)
+        self._on_frame = on_frame
 
     def __len__(self) -> int:
         return self.count
@@ -88,7 +98,10 @@ class FrameSource:
         if image.shape[1::-1] != self.size:
             image = _fitted(image, self.size)
         rgb = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
-        return rgb if self._straighten is None else self._straighten(rgb)
+        rgb = rgb if self._straighten is None else self._straighten(rgb)
+        if self._on_frame is not None:
+            self._on_frame(index, rgb)
+        return rgb
 
     def notes(self) -> list[str]:
         """What a user should know about the pictures, in sentences: sizes that differ, and what images hold. Found in

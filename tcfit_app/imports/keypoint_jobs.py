@@ -22,6 +22,7 @@ from tcfit_app.imports.found_people import FoundPeople
 
 if TYPE_CHECKING:
     from fitting_core.detect.detecting import Detected
+    from fitting_core.video.sampled import SampledPictures
 
 ProgressReport = Callable[[str, float | None], None]
 """Receives the current step and the progress (0 to 1, or unknown). Raises to end the job."""
@@ -107,25 +108,27 @@ class Detect:
         from fitting_core.detect.detecting import Detected, Detection, DetectionProgress
         from fitting_core.detect.detectors import find_detector
         from fitting_core.video.frames import FrameSource
+        from fitting_core.video.sampled import SampledPictures
 
         if clip.source is None:
             raise InputError("The project's video is missing: relink it, or import keypoints.")
         report("Opening the detector", None)
         detector = find_detector(self.detector)
-        with FrameSource(clip.source) as source:
-            frames = range(clip.first_frame, clip.first_frame + len(clip))
+        frames = range(clip.first_frame, clip.first_frame + len(clip))
+        pictures = SampledPictures(clip.source, frames, clip.camera)
+        with FrameSource(clip.source, on_frame=pictures.take) as source:
             detection = Detection(source=source, frames=frames, detector=detector)
             with closing(detection.events(detection.store())) as events:
                 for event in events:
                     if isinstance(event, Detected):
-                        return self._chosen(event, clip)
+                        return self._chosen(event, clip, pictures)
                     if isinstance(event, DetectionProgress):
                         report(f"{event.done} of {event.total} frames", event.share)
                     else:
                         self.people.add(event, clip.first_frame)
         raise AssertionError("a detection ends with what it found")
 
-    def _chosen(self, found: "Detected", clip: Clip) -> FoundKeypoints:
+    def _chosen(self, found: "Detected", clip: Clip, pictures: "SampledPictures") -> FoundKeypoints:
         from fitting_core.detect.found import found_detections, silhouettes_of, with_somebody
         from fitting_core.ground.from_pictures import camera_from_pictures
         from fitting_core.lens import straightened_keypoints
@@ -140,13 +143,12 @@ class Detect:
         )
         keypoints, of_lens = straightened_keypoints(choice.keypoints, clip.camera.lens)
         guessed = clip.camera.focal_from is FocalFrom.DIAGONAL
-        frames = range(clip.first_frame, clip.first_frame + len(clip))
         return FoundKeypoints(
             keypoints=keypoints,
             notes=(*detections.notes, *([choice.note] if choice.note else []), *of_lens),
             detector=found.points,
             silhouettes=silhouettes_of(found, choice.entries),
-            camera=camera_from_pictures(clip.camera, keypoints, clip.frame_rate, clip.source, frames, estimate=guessed),
+            camera=camera_from_pictures(clip.camera, keypoints, clip.frame_rate, pictures, estimate=guessed),
         )
 
     def _seen(self, found: "Detected") -> tuple[int, int] | None:

@@ -3,7 +3,8 @@
 What real time does not allow makes it better than MediaPipe's own: each body is shown plain and mirrored, people are
 followed forwards and backwards, and a hand is looked for in several squares and in the neighbouring frames.
 
-Bodies are found by one thread; hands, faces and silhouettes of the part before by another.
+Bodies are found by one thread; hands, faces and silhouettes of the part before by another. A third decodes the part
+after.
 """
 
 import os
@@ -29,8 +30,8 @@ from fitting_core.keypoints import COUNT
 from fitting_core.silhouettes import silhouette_size
 from fitting_core.video.frames import FrameSource
 
-_BYTES = 100 << 20
-"""Of the images of a part: those of four parts may be in memory at once."""
+_BYTES = 80 << 20
+"""Of the images of a part: those of five parts may be in memory at once."""
 _FEWEST, _MOST = 8, 30
 """Frames of a part."""
 _WORTH_LOOKING = 0.35
@@ -87,12 +88,16 @@ class MediaPipe:
             people, clip.seen, found = recalled(memory)
             followers.start_from(people, found)
         pool = ThreadPoolExecutor(1, "tcfit: hands and faces")
+        decoder = ThreadPoolExecutor(1, "tcfit: decoding")
         waiting: _Waiting | None = None
         """For the next stretch: its people may have entered in this one."""
         coming: Future[Part] | None = None
         try:
-            for frames in parts:
-                stretch = Stretch(frames, [source.frame_or_grey(frame) for frame in frames])
+            coming_images = decoder.submit(clip.images, source, parts[0])
+            for number, frames in enumerate(parts):
+                stretch = Stretch(frames, coming_images.result())
+                if number + 1 < len(parts):
+                    coming_images = decoder.submit(clip.images, source, parts[number + 1])
                 for done in followers.forwards(stretch):
                     yield (frames[0] - parts[0][0] + done + clip.done) // 2
                     if coming is not None and coming.done():
@@ -111,6 +116,7 @@ class MediaPipe:
                 yield pool.submit(clip.part, waiting, waiting.stretch.bodies()).result()
         finally:
             clip.stopped.set()
+            decoder.shutdown()
             pool.shutdown()
 
     def everybody_in(self, image: Image, harder: bool) -> list[Square]:
@@ -167,7 +173,7 @@ class _Stopped(Exception):
 
 
 class _Clip:
-    """Adds hands, faces and silhouettes to bodies, part by part; used by one thread."""
+    """Decodes frames, and adds hands, faces and silhouettes to bodies, part by part; each in a thread of its own."""
 
     def __init__(self, finder: PartsFinder, size: tuple[int, int]) -> None:
         self._finder, self._size = finder, size
@@ -178,6 +184,15 @@ class _Clip:
         self.stopped = Event()
         width, height = silhouette_size(size)
         self._no_mask = np.zeros(-(-width * height // 8), np.uint8)
+
+    def images(self, source: FrameSource, frames: range) -> list[Image]:
+        """Decoded frames."""
+        images = []
+        for frame in frames:
+            if self.stopped.is_set():
+                raise _Stopped
+            images.append(source.frame_or_grey(frame))
+        return images
 
     def part(self, waiting: _Waiting, bodies: Mapping[int, Mapping[int, Body]]) -> Part:
         """Of a stretch whose bodies are known, by person and frame."""

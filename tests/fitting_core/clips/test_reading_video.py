@@ -14,6 +14,7 @@ from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.clips.reading import read_footage
 from fitting_core.detect.detectors import DETECTORS
 from fitting_core.lens import straightened_keypoints
+from fitting_core.video.decoding import VideoFile
 from tests.fitting_core.io.cameras.camera_files import own
 from tests.samples.clip_options import as_options
 from tests.samples.fake_detector import FakeDetector, People, known
@@ -66,6 +67,24 @@ def test_a_video_is_enough(video, walker: FakeDetector):
     assert told[0] == DetectionProgress(done=0, total=10, kept=0)
     assert told[-1] == DetectionProgress(done=10, total=10, kept=10)
     assert clip.silhouettes is not None and len(clip.silhouettes) == 10 and clip.silhouettes.known.all()
+
+
+def test_each_frame_is_decoded_once_and_the_camera_is_that_of_cached_keypoints(
+    video, walker: FakeDetector, monkeypatch: pytest.MonkeyPatch
+):
+    """The pictures from which lens and vertical are estimated are taken while frames are decoded for the detector."""
+    path, decoded, read = video(40), [], VideoFile.read
+
+    def counted(file: VideoFile, index: int) -> np.ndarray | None:
+        decoded.append(index)
+        return read(file, index)
+
+    monkeypatch.setattr(VideoFile, "read", counted)
+    first = read_clip(path)
+    assert sorted(set(decoded)) == list(range(40)) and len(decoded) - decoded.count(0) == 39
+    decoded.clear()
+    assert read_clip(path).camera == first.camera
+    assert len(set(decoded)) == 15
 
 
 def test_nothing_is_found_twice(video, walker: FakeDetector):

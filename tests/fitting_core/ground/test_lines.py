@@ -1,5 +1,6 @@
 """Focal length and vertical from straight edges: known cameras, drawn rooms, and pictures that tell nothing."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,8 @@ from fitting_core.ground.from_pictures import camera_from_pictures, straight_lin
 from fitting_core.ground.gravity import Gravity, angles_to
 from fitting_core.ground.lines import POSSIBLE_FOCALS, line_evidence
 from fitting_core.keypoints import Keypoints
+from fitting_core.video.frames import FrameSource
+from fitting_core.video.sampled import SampledPictures
 from tests.samples.walkers import CAMERA, RATE, walker
 
 SIZE = CAMERA.size
@@ -104,7 +107,8 @@ UNKNOWN = replace(CAMERA, focal=(1469.0, 1469.0), focal_from=FocalFrom.DIAGONAL,
 
 
 def read_camera(video: Path | None, camera: Camera = UNKNOWN, *, estimate: bool = True) -> Camera:
-    return camera_from_pictures(camera, walking(), RATE, video, range(5), estimate=estimate)
+    pictures = video and SampledPictures(video, range(5), camera)
+    return camera_from_pictures(camera, walking(), RATE, pictures, estimate=estimate)
 
 
 def test_pictures_tell_lens_and_vertical(tmp_path: Path):
@@ -112,6 +116,16 @@ def test_pictures_tell_lens_and_vertical(tmp_path: Path):
     assert abs(np.log(found.focal[0] / CAMERA.focal[0])) < 0.1 and found.calibrated
     assert found.focal_from is FocalFrom.ESTIMATED and "from straight lines in the picture" in found.source
     assert found.vertical is not None and angles_to(np.array(found.vertical.up), walker(2).up) < 1.5
+
+
+def test_pictures_taken_while_decoding_are_those_decoded_later(tmp_path: Path):
+    video = film(tmp_path / "room")
+    taken, later = (SampledPictures(video, range(5), CAMERA) for _ in range(2))
+    with FrameSource(video, on_frame=taken.take) as source:
+        assert sum(1 for _ in source) == 5
+    found = later.stacked()
+    shutil.rmtree(video)
+    assert np.array_equal(taken.stacked(), found)
 
 
 def test_a_known_focal_length_is_kept(tmp_path: Path):
