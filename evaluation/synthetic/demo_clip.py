@@ -18,6 +18,7 @@ from evaluation.synthetic.motions import demo_script
 from evaluation.synthetic.simulated_detector import detect, visible
 from evaluation.synthetic.studio.clothing import Outfit
 from evaluation.synthetic.studio.studio import CAMERA, STOOL_MIDDLE, VIEW, Studio
+from evaluation.synthetic.studio.view import View
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
 from fitting_core.body.geometry import vertex_normals
@@ -51,6 +52,7 @@ def make_demo(
     seed: int = 0,
     frame_rate: float = FRAME_RATE,
     camera: Camera = CAMERA,
+    view: View = VIEW,
     body: BodyModel | None = None,
 ) -> DemoClip:
     """Make the demo clip.
@@ -60,6 +62,7 @@ def make_demo(
         seed: The same seed gives the same keypoints and truth.
         frame_rate: Frames per second; a lower one makes fewer frames of the same motion.
         camera: Its size must be even; the view stays that of CAMERA if its focal length is scaled with its size.
+        view: Where the camera stands.
         body: The free neutral body when None.
 
     Raises:
@@ -67,8 +70,8 @@ def make_demo(
     """
     body = body or load_body(find_body(search=FREE_FOLDER))
     folder.mkdir(parents=True, exist_ok=True)
-    truth, world = _performed(body, seed, frame_rate, camera)
-    truth = replace(truth, visible=_film(folder / "video.mp4", body, truth, world))
+    truth, world = _performed(body, seed, frame_rate, camera, view)
+    truth = replace(truth, visible=_film(folder / "video.mp4", body, truth, world, view))
     write_truth(folder / "truth.npz", truth)
     keypoints = detect(
         truth.keypoints,
@@ -86,19 +89,19 @@ def make_demo(
     return made
 
 
-def _performed(body: BodyModel, seed: int, frame_rate: float, camera: Camera) -> tuple[Truth, BodyParams]:
+def _performed(body: BodyModel, seed: int, frame_rate: float, camera: Camera, view: View) -> tuple[Truth, BodyParams]:
     """The truth, as yet without what is visible, and the parameters in the world."""
     times = np.arange(round(demo_script.SECONDS * frame_rate)) / frame_rate
     world = perform(body, demo_script.SCRIPT, times, np.random.default_rng([seed, 0]), betas=demo_script.BETAS)
     rest, _ = standing_root(body, demo_script.BETAS)
-    params = in_camera(world, rest[0], VIEW.pose())
+    params = in_camera(world, rest[0], view.pose())
     return truth_of(body, params, camera, frame_rate), world
 
 
-def _film(path: Path, body: BodyModel, truth: Truth, world: BodyParams) -> Bool[np.ndarray, "T 137"]:
+def _film(path: Path, body: BodyModel, truth: Truth, world: BodyParams, view: View) -> Bool[np.ndarray, "T 137"]:
     """Write the video; return which keypoints its frames show."""
     mesh, outfit = shared_mesh(body), Outfit.of(body)
-    studio = Studio(truth.camera, seat_height=_seat_height(mesh(world[-1:])[0].numpy()))
+    studio = Studio(truth.camera, seat_height=_seat_height(mesh(world[-1:])[0].numpy()), view=view)
     points, _ = keypoints_in_space(body, truth.params)
     seen = np.zeros(points.shape[:2], bool)
     with video_writer(path, truth.camera.size, truth.frame_rate) as video:

@@ -260,7 +260,7 @@ class Page:
             chosen = (*(j for j in now if j not in event.joints), *event.joints)
         else:
             chosen = (*(j for j in now if j not in event.joints), *(j for j in event.joints if j not in now))
-        self.tab.set(selection=tuple(dict.fromkeys(chosen)))
+        self.tab.set(selection=tuple(dict.fromkeys(chosen)), in_view=event.view and self.tab.view is not None)
 
     # --- drawing ---
 
@@ -326,13 +326,14 @@ class Page:
     def _draw_selection(self) -> None:
         tab, framing = self.tab, self.gestures.again.framing
         tab.channel.send("framing", None if framing is None else Framing(around=part_name(framing)))
-        tab.channel.send("selection", Selection(joints=tab.state.selection, suggested=tab.state.suggested))
+        state, view = tab.state, tab.corrected_view is not None
+        tab.channel.send("selection", Selection(joints=state.selection, suggested=state.suggested, view=view))
 
     def close(self) -> None:
         """The tab was closed."""
         self.gestures.correcting.abandon()
         self.gestures.turning.abandon()
-        self.tab.data.video.leave(self.tab)
+        self.tab.data.leave(self.tab)
         self.tab.session.tasks.leave(self.tab)
 
 

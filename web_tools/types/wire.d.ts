@@ -5,7 +5,7 @@ export interface Poster {
   node: string;
   window: [number, number, number, number];
   width: number;
-  kind: "picture" | "side" | "video";
+  kind: "picture" | "side" | "video" | "view";
   clipped: boolean;
   label: string;
   color: "beside" | "body" | "face" | "fit" | "left_hand" | "right_hand" | null;
@@ -41,6 +41,13 @@ export interface SidePlate {
   zero: number;
   floor: number | null;
   sight: [[number, number, number], [number, number, number]];
+}
+
+export interface View {
+  image: [number, number];
+  turn: [[number, number, number], [number, number, number], [number, number, number]];
+  place: [number, number, number];
+  camera: [number, number, number, number];
 }
 
 export interface Space {
@@ -113,6 +120,7 @@ export interface Framing {
 export interface Selection {
   joints: number[];
   suggested: boolean;
+  view: boolean;
 }
 
 export interface Curve {
@@ -354,6 +362,7 @@ export interface Select {
   type: "select";
   joints: number[];
   how: "add" | "replace" | "toggle";
+  view: boolean;
 }
 
 export interface Drag {
@@ -363,6 +372,7 @@ export interface Drag {
   dx: number;
   dy: number;
   frame: number;
+  view: boolean;
 }
 
 export interface DragDepth {
@@ -423,10 +433,12 @@ export interface States {
   layout: Layout;
   bodies: Bodies;
   side: SidePlate;
+  view: View;
   space: Space;
   other_people: OtherPeople;
   skeleton: Skeleton;
   keypoints: Keypoints;
+  view_keypoints: Keypoints;
   style: Style;
   selection: Selection;
   framing: Framing;

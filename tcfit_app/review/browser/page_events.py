@@ -114,6 +114,8 @@ class Select(_Event, frozen=True, tag="select"):
 
     joints: Joints
     how: Literal["replace", "add", "toggle"]
+    view: bool = False
+    """In another view's picture."""
 
 
 class Drag(_Event, frozen=True, tag="drag"):
@@ -130,6 +132,8 @@ class Drag(_Event, frozen=True, tag="drag"):
     dy: Pixels
     frame: Frame
     """The person whose keypoints are on the screen."""
+    view: bool = False
+    """They are another view's, in its pixels."""
 
 
 class DragDepth(_Event, frozen=True, tag="drag_depth"):

@@ -31,7 +31,7 @@ Place = tuple[float, float, float, float]
 
 
 class Poster(_State, frozen=True, kw_only=True):
-    """A picture in the flat world, the video alone, or the side view's plate."""
+    """A picture in the flat world, the video alone, the side view's plate, or another view's picture in its place."""
 
     node: str = "/posters/0"
     """viser's node for it."""
@@ -39,7 +39,7 @@ class Poster(_State, frozen=True, kw_only=True):
     """The part of the canvas to which it is clipped."""
     width: float
     """In image heights, like all lengths in viser's world."""
-    kind: Literal["picture", "video", "side"] = "picture"
+    kind: Literal["picture", "video", "side", "view"] = "picture"
     clipped: bool = False
     """Bodies are clipped to the picture."""
     label: str
@@ -52,9 +52,9 @@ class Layout(_State, frozen=True, kw_only=True):
     """What the canvas shows.
 
     Posters: pixel (u, v) of a poster of W x H is at ((u - W/2)/H, (v - H/2)/H, 0) in viser's world. All have the height
-        H, and a picture's pixels are the image's. The point at the centre of viser's camera is at the centre of each
-        picture's window. The page handles the left button, and the camera only pans and zooms. In space viser's camera
-        is as usual, and only the labels of the posters are shown.
+        H, and a picture's pixels are the image's (another view's are those of its own). The point at the centre of
+        viser's camera is at the centre of each picture's window. The page handles the left button, and the camera only
+        pans and zooms. In space viser's camera is as usual, and only the labels of the posters are shown.
     """
 
     mode: Literal["poster", "space"]
@@ -109,6 +109,18 @@ class SidePlate(_State, frozen=True, kw_only=True):
     """v of the floor; None when seen from above."""
     sight: tuple[Triple, Triple]
     """The viewing ray of the picture's pixel (u, v) has the direction sight · (u, v, 1) from the camera."""
+
+
+class View(_State, frozen=True, kw_only=True):
+    """Another view's picture, and how it maps camera space."""
+
+    image: tuple[int, int]
+    """Width and height in pixels."""
+    turn: tuple[Triple, Triple, Triple]
+    """A point is at turn · point + place before its camera, metres."""
+    place: Triple
+    camera: tuple[float, float, float, float]
+    """Its focal length and centre, pixels: x, y, x, y."""
 
 
 class Space(_State, frozen=True, kw_only=True):
@@ -229,6 +241,8 @@ class Selection(_State, frozen=True, kw_only=True):
     joints: tuple[int, ...] = ()
     suggested: bool = False
     """Not selected by the user: a press selects one of them alone."""
+    view: bool = False
+    """They were selected in another view's picture."""
 
 
 class Curve(_State, frozen=True, kw_only=True):
@@ -509,10 +523,12 @@ STATES: dict[str, type[_State]] = {
     "layout": Layout,
     "bodies": Bodies,
     "side": SidePlate,
+    "view": View,
     "space": Space,
     "other_people": OtherPeople,
     "skeleton": Skeleton,
     "keypoints": Keypoints,
+    "view_keypoints": Keypoints,
     "style": Style,
     "selection": Selection,
     "framing": Framing,

@@ -3,7 +3,7 @@
 from functools import partial
 
 from fitting_core.keypoints import GROUPS
-from tcfit_app.review.gestures.actions import ACTIONS, Gestures, key_text
+from tcfit_app.review.gestures.actions import ACTIONS, Gestures, bodies, key_text, refusal
 from tcfit_app.review.gestures.zooming import show_close_up
 from tcfit_app.review.panels.elements.html import (
     Html,
@@ -130,15 +130,19 @@ class Bar:
         )
 
     def _side(self) -> Html:
-        tab, why = self._tab, ACTIONS["side"].obstacle(self._gestures)
+        tab, gestures = self._tab, self._gestures
+        views = [(number, view.view.clip.name, "") for number, view in tab.session.views.items()]
+        why = refusal(bodies, gestures)
+        sides = [(name, text.capitalize(), why) for name, text in DIRECTION_TEXTS.items()]
+        now = tab.state.side_from if tab.view else tab.direction
         ways: list[Item | None] = [
             Item(
-                label=text.capitalize(),
+                label=label,
                 do=partial(tab.set, side=True, side_from=name),
-                obstacle=why,
-                chosen=tab.state.side and tab.state.side_from == name,
+                obstacle=obstacle,
+                chosen=tab.state.side and now == name,
             )
-            for name, text in DIRECTION_TEXTS.items()
+            for name, label, obstacle in (*views, *sides)
         ]
         held = tab.shown.held
         known = held is None or tab.data.level(held) is not None

@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
-from fitting_core.camera import Camera
+from fitting_core.clip import OtherView
 from fitting_core.errors import InputError
 from fitting_core.render.colors import rgb
 from tcfit_app.analysis.curves import vertex_distances
 from tcfit_app.analysis.seen import seen_joints, unseen_keypoints
 from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.project.other_view import ProjectView
 from tcfit_app.review.browser.page_states import Color
 from tcfit_app.review.scene.layers import (
     MOST_OTHERS,
@@ -23,11 +24,13 @@ from tcfit_app.review.scene.layers import (
     BodyLayer,
     FrameImage,
 )
+from tcfit_app.review.scene.other_view import OtherCamera, other_camera
 from tcfit_app.review.scene.room import Room
 from tcfit_app.review.scene.side_view import SideView, side_view
 from tcfit_app.review.scene.space import Rings
 from tcfit_app.review.scene.windows import Arrangement
 from tcfit_app.review.shared.drawing_data import FrameBody
+from tcfit_app.review.shared.video_frames import VideoFrames
 from tcfit_app.review.tab.on_show import SLOT_COLORS, OnShow, Slot, coming, live_window
 from tcfit_app.review.tab.people import ReviewedPerson
 from tcfit_app.review.tab.state import TabState
@@ -69,8 +72,10 @@ class Frame:
     others: tuple[Other, ...]
     room: Room | None
     """Of the fit on show, relative to the camera of the frame; the previous one while another is computed."""
-    side: SideView | None
-    """If there is a side view."""
+    side: SideView | OtherCamera | None
+    """What is beside the picture."""
+    beside: "Beside | None"
+    """Another view there."""
     arrangement: Arrangement
     """Of two pictures."""
     labels: tuple[tuple[str, Color | None], ...]
@@ -98,6 +103,16 @@ class Frame:
         return self.state, self.edits, self.shown.version, tuple(self.bodies), self.room, self.side
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Beside:
+    """What another view shows of the moment."""
+
+    view: ProjectView
+    frame: int | None
+    """Its own, from its first; None: it was not filmed then."""
+    image: FrameImage | None
+
+
 class Frames:
     """Works out the frames of one tab.
 
@@ -114,12 +129,17 @@ class Frames:
     def of(self, shown: OnShow) -> Frame | None:
         """The frame on show; None while its image is being decoded."""
         tab, state, data = self._tab, self._tab.state, self._data
-        if (image := self._image()) is None:
+        video, flat = data.video, state.side and state.mode != "space"
+        if (image := self._image("image", video, lambda frame: tab.first_frame + frame)) is None:
             return None
-        beside = state.side and state.mode != "space" and shown.held is not None
+        view = tab.view if flat else None
+        beside = None if view is None else self._beside(view)
+        if beside is not None and beside.frame is not None and beside.image is None:
+            return None
+        plate = state.side and flat and view is None
         edits = tab.session.project.keypoints_version
         present = tab.once("present", (edits, shown.frame), lambda: data.present(shown.frame))
-        bodies, problem = self._bodies(shown, present, hidden=beside or state.mode == "space")
+        bodies, problem = self._bodies(shown, present, hidden=plate or not flat)
         if bodies and shown.held is not None:  # without bodies the model may be missing, which is reported
             self._room = data.room(shown.held, shown.held) or self._room
         room, camera, frame = self._room, shown.camera, shown.frame
@@ -133,7 +153,8 @@ class Frames:
             problem=problem,
             others=self._others(),
             room=room and tab.once("room", (room, camera, frame), lambda: room.before(camera, frame)),
-            side=self._side(shown.held.camera, frame) if beside and shown.held is not None else None,
+            side=self._side_view(shown) if view is None else self._camera(view.view, shown),
+            beside=beside,
             arrangement=tab.arrangement,
             labels=tuple(
                 _label(shown, side, present, lettered=state.comparing)
@@ -157,17 +178,41 @@ class Frames:
             return None
         return replace(frame, shown=shown, bodies=bodies, rings=frame.rings and self._rings(shown))
 
-    def _image(self) -> FrameImage | None:
-        """The video frame; the previous one while a paused frame is being decoded."""
-        tab, state, video = self._tab, self._tab.state, self._data.video
-        now = tab.first_frame + state.frame
+    def _image(self, name: str, video: VideoFrames, number: Callable[[int], int | None]) -> FrameImage | None:
+        """A video's picture of the frame on show; the previous one while a paused frame is being decoded.
+
+        Args:
+            name: Of the video.
+            video: Where it is from.
+            number: The video's frame for each of the clip, if it has one.
+        """
+        tab, state = self._tab, self._tab.state
+        if (now := number(state.frame)) is None:
+            return None
         if state.playing:
-            frames = coming(state.frame, tab.played, _AHEAD, loop=state.loop)
-            video.prefetch([now, *(tab.first_frame + frame for frame in frames)], reader=tab)
+            frames = map(number, coming(state.frame, tab.played, _AHEAD, loop=state.loop))
+            video.prefetch([now, *(frame for frame in frames if frame is not None)], reader=tab)
             data = video.get(now, "playing")
         else:
             data = video.nearest(now)
-        return None if data is None else tab.once("image", data, lambda: FrameImage(data=data))
+        return None if data is None else tab.once(name, data, lambda: FrameImage(data=data))
+
+    def _beside(self, view: ProjectView) -> Beside:
+        """What another view shows; without an image while it is being decoded."""
+        tab, clip = self._tab, view.view.clip
+
+        def number(frame: int) -> int | None:
+            found = tab.frame_in(view, frame)
+            return None if found is None else clip.first_frame + found
+
+        image = self._image("image beside", self._data.video_of(clip), number)
+        return Beside(view=view, frame=tab.frame_in(view, tab.state.frame), image=image)
+
+    def _camera(self, view: OtherView, shown: OnShow) -> OtherCamera:
+        """Another view's, relative to that of the fit on show."""
+        fit = shown.held
+        scale = 1.0 if fit is None else self._data.view_scale(view, fit)
+        return self._tab.once("other camera", (view, scale), lambda: other_camera(view, scale))
 
     def _bodies(self, shown: OnShow, present: Present, *, hidden: bool) -> tuple[dict[Slot, BodyLayer], str]:
         """The bodies on show that can be drawn, and why another one cannot.
@@ -210,8 +255,12 @@ class Frames:
         key = shown.version  # sent once for the same bodies
         return self._tab.once(f"distances {side}", key, lambda: vertex_distances(vertices, theirs) / 1e3)
 
-    def _side(self, camera: Camera, frame: int) -> SideView:
-        tab, room, direction, width = self._tab, self._room or _UNKNOWN, self._tab.state.side_from, self._tab.side_width
+    def _side_view(self, shown: OnShow) -> SideView | None:
+        state, fit = self._tab.state, shown.held
+        if not state.side or state.mode == "space" or fit is None:
+            return None
+        camera, frame = fit.camera, shown.frame
+        tab, room, direction, width = self._tab, self._room or _UNKNOWN, self._tab.direction, self._tab.side_width
         key = room, camera, direction, width
         view = tab.once("side view", key, lambda: side_view(room, camera, direction, width))
         return tab.once("side view of the frame", (view, frame), lambda: view.before(camera, frame))

@@ -20,12 +20,15 @@ from tcfit_app.review.browser.page_states import (
     Silhouette,
     StraightLines,
     Style,
+    View,
     pixel_pairs,
     segments,
     shares,
+    triple,
 )
-from tcfit_app.review.drawing.frame import Frame, Other
+from tcfit_app.review.drawing.frame import Beside, Frame, Other
 from tcfit_app.review.scene.layers import NEAREST, BodyLayer
+from tcfit_app.review.scene.other_view import OtherCamera
 from tcfit_app.review.tab.state import HELD_BY, Part
 from tcfit_app.review.tab.tab import Tab
 
@@ -65,6 +68,41 @@ def draw_overlays(tab: Tab, frame: Frame) -> None:
     _draw_people(tab, frame)
     if project.has_detections:
         send("keypoints", tab.once("keypoints", key, lambda: _keypoints(tab)))
+
+
+def draw_view(tab: Tab, frame: Frame) -> None:
+    """Send another view's picture and keypoints, if one is beside the pictures."""
+    beside, there = frame.beside, frame.side
+    if beside is None or not isinstance(there, OtherCamera):
+        tab.channel.send("view", None)
+        return
+    x, y, z = (triple(row) for row in np.round(there.turn, 6))
+    camera = there.camera
+    tab.channel.send(
+        "view",
+        View(
+            image=camera.size,
+            turn=(x, y, z),
+            place=triple(np.round(there.place, 5)),
+            camera=(*camera.focal, *camera.center),
+        ),
+    )
+    key = beside.view, beside.frame, frame.edits
+    tab.channel.send("view_keypoints", tab.once("view keypoints", key, lambda: _in_view(beside)))
+
+
+def _in_view(beside: Beside) -> Keypoints:
+    """Of the view's frame; all missing while it shows none."""
+    corrected, frame = beside.view.corrected, beside.frame
+    if frame is None:
+        return Keypoints(frame=0, xy=((0.0, 0.0),) * COUNT, confidence=(0.0,) * COUNT)
+    return Keypoints(
+        frame=frame,
+        xy=pixel_pairs(corrected.xy[frame]),
+        confidence=shares(corrected.confidence[frame]),
+        bad=tuple(np.flatnonzero(corrected.bad[frame]).tolist()),
+        edited=tuple(np.flatnonzero(corrected.edited[frame]).tolist()),
+    )
 
 
 def _keypoints(tab: Tab) -> Keypoints:

@@ -21,8 +21,9 @@ from tcfit_app.review.browser.page_states import (
 from tcfit_app.review.browser.page_states import Poster as PosterPlace
 from tcfit_app.review.browser.page_states import Space as SpaceState
 from tcfit_app.review.drawing.frame import Frame, Frames
-from tcfit_app.review.drawing.overlays import draw_overlays
+from tcfit_app.review.drawing.overlays import draw_overlays, draw_view
 from tcfit_app.review.scene.layers import BodyLayer
+from tcfit_app.review.scene.other_view import OtherCamera
 from tcfit_app.review.scene.poses import Window
 from tcfit_app.review.scene.poster import PICTURE_NODES, SIDE_NODE, Poster, Posters, SidePoster
 from tcfit_app.review.scene.room import Room
@@ -71,6 +72,7 @@ class Picture:
             if moved is not None:
                 tab.scene.move(self._snapshot(frame))
             else:
+                draw_view(tab, frame)
                 self._draw_scene(frame)
                 draw_overlays(tab, frame)
             self._send_bodies(frame)
@@ -83,7 +85,7 @@ class Picture:
         tab.scene.cameras.follow(tab.size if tab.size[0] else None)
         tab.scene.show(snapshot)
         if isinstance(snapshot, Posters):
-            beside = () if frame.side is None else ((DIRECTION_TEXTS[tab.state.side_from], None),)
+            beside = () if frame.side is None else ((self._label_beside(frame), None),)
             window = tab.scene.cameras.window
             layout = poster_layout(snapshot, (*frame.labels, *beside), window, clipped=tab.state.clipped)
         else:
@@ -93,15 +95,23 @@ class Picture:
             tab.channel.send("space", SpaceState(turn=(x, y, z), place=triple(snapshot.place)))
         tab.channel.send("layout", layout)
 
+    def _label_beside(self, frame: Frame) -> str:
+        if frame.beside is None:
+            return DIRECTION_TEXTS[self._tab.direction]
+        name = frame.beside.view.view.clip.name
+        return name if frame.beside.frame is not None else f"{name}: not filmed at this moment"
+
     def _snapshot(self, frame: Frame) -> Posters | Space:
         """A frame as viser's scene has it."""
         others = tuple(one.layer for one in frame.others)
         if frame.state.mode == "space":
             return self._space(frame, others)
-        side = None
+        side, beside = None, frame.beside
         if frame.side is not None:  # empty until the extent over the clip is known
-            bodies = () if frame.room is None else tuple(frame.visible[side] for side in sorted(frame.visible))
-            side = SidePoster(view=frame.side, bodies=bodies)
+            bodies = tuple(frame.visible[side] for side in sorted(frame.visible))
+            shows = frame.room is not None if beside is None else beside.frame is not None
+            image = None if beside is None else beside.image
+            side = SidePoster(view=frame.side, image=image, bodies=bodies if shows else ())
         posters = tuple(
             Poster(image=frame.image, bodies=made, others=others) if place else Poster(image=frame.image, plain=True)
             for place, made in zip(frame.shown.places, frame.places, strict=True)
@@ -134,7 +144,7 @@ class Picture:
         tab, room, view = self._tab, frame.room, frame.side
         if room is not None:
             tab.channel.send("bodies", tab.once("bodies", frame.key, lambda: self._bodies(frame, room)))
-        if view is not None:
+        if isinstance(view, SideView):
             tab.channel.send("side", tab.once("side", frame.key, lambda: self._side(frame, view)))
 
     def _bodies(self, frame: Frame, room: Room) -> Bodies | None:
@@ -196,14 +206,16 @@ def poster_layout(
 ) -> Layout:
     """The positions and labels of the posters."""
     division = snapshot.divide(canvas)
-    pictures = len(snapshot.posters)
+    pictures, beside = len(snapshot.posters), "side"
+    if snapshot.side is not None and isinstance(snapshot.side.view, OtherCamera):
+        beside = "view"
     nodes = (*PICTURE_NODES[:pictures], SIDE_NODE)
     posters = tuple(
         PosterPlace(
             node=node,
             window=(left / canvas.width, top / canvas.height, right / canvas.width, bottom / canvas.height),
             width=snapshot.width if snapshot.side is None or i < pictures else snapshot.side.view.width,
-            kind="side" if i >= pictures else "video" if snapshot.posters[i].plain else "picture",
+            kind=beside if i >= pictures else "video" if snapshot.posters[i].plain else "picture",
             clipped=clipped or i >= pictures,
             label=label,
             color=color,

@@ -139,10 +139,11 @@ def _wipe(gestures: Gestures) -> None:
 
 
 def _turn_side(gestures: Gestures) -> None:
-    """Cycle the side view through left, right and top; switch it on if it is off."""
+    """Cycle through the clip's other views, and the side view from left, right and top; switch it on if it is off."""
     tab = gestures.tab
-    sides = tuple(DIRECTION_TEXTS)
-    tab.set(side=True, side_from=sides[(sides.index(tab.state.side_from) + tab.state.side) % len(sides)])
+    sides = (*tab.session.views, *DIRECTION_TEXTS)
+    now = tab.state.side_from if tab.view else tab.direction
+    tab.set(side=True, side_from=sides[(sides.index(now) + tab.state.side) % len(sides)])
 
 
 def _go_to_next_person(gestures: Gestures) -> None:
@@ -183,6 +184,11 @@ def keypoints(g: Gestures) -> None:
 def joints(g: Gestures) -> None:
     """Requires selected keypoints."""
     g.correcting.selected()
+
+
+def any_joints(g: Gestures) -> None:
+    """Requires selected keypoints, also in another view's picture."""
+    g.correcting.selected_anywhere()
 
 
 def frames(g: Gestures) -> None:
@@ -227,6 +233,12 @@ def bodies(g: Gestures) -> None:
         raise InputError("There is no fit yet: fit everything first.")
 
 
+def beside(g: Gestures) -> None:
+    """Requires another view of the person, or a fit."""
+    if not g.tab.session.views:
+        bodies(g)
+
+
 def two_fits(g: Gestures) -> None:
     """Requires two fits, or one with an earlier pass."""
     bodies(g)
@@ -260,6 +272,7 @@ def others(g: Gestures) -> None:
 
 NEEDS: Mapping[StateNeed, Need] = {
     "bodies": bodies,
+    "beside": beside,
     "keypoints": keypoints,
     "others": others,
     "picture": picture,
@@ -306,6 +319,7 @@ OF_SELECTION = (joints, limbs, lockable, hand, key)
 """Needs that a menu opened on a keypoint ignores: it will be selected by then."""
 _EDIT = writable, keypoints, frames
 _OF_JOINTS = *_EDIT, joints
+_OF_ANY_JOINTS = *_EDIT, any_joints
 _OF_HAND = *_EDIT, hand, fit
 _AGAIN = writable, keypoints, settings, fit
 _WAYS = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "up": (0.0, -1.0), "down": (0.0, 1.0)}
@@ -372,8 +386,8 @@ _VIEW: tuple[_Row, ...] = (
     ("help", "Show all keys", "h", _toggle("keys"), ()),
 )
 _KEYPOINTS: tuple[_Row, ...] = (
-    ("bad", "Mark bad, or restore", "x", lambda g: g.correcting.toggle_bad(), _OF_JOINTS),
-    ("reset", "Reset to the detection", "Backspace Delete", lambda g: g.correcting.reset(), _OF_JOINTS),
+    ("bad", "Mark bad, or restore", "x", lambda g: g.correcting.toggle_bad(), _OF_ANY_JOINTS),
+    ("reset", "Reset to the detection", "Backspace Delete", lambda g: g.correcting.reset(), _OF_ANY_JOINTS),
     ("copy", "Copy from the previous frame", "c", lambda g: g.correcting.copy_previous(), _OF_JOINTS),
     ("interpolate", "Interpolate", "i", lambda g: g.correcting.interpolate(), _OF_JOINTS),
     *_switches("keyframes"),

@@ -15,6 +15,7 @@ from fitting_core.keypoints import COUNT, GROUPS
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.live import Target
 from tcfit_app.fitting.worker import LiveDrag
+from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.edit_log import LogEntry, Redo, Remark, Undo
 from tcfit_app.project.edits.kinds import (
     MAX_DEPTH,
@@ -22,6 +23,7 @@ from tcfit_app.project.edits.kinds import (
     CopyFrom,
     Edit,
     Interpolate,
+    KeypointEdit,
     MarkBad,
     MoveKeypoint,
     Nudge,
@@ -31,6 +33,7 @@ from tcfit_app.project.edits.kinds import (
     SwapSides,
 )
 from tcfit_app.project.frame_words import in_words
+from tcfit_app.project.other_view import ProjectView
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Drag as DragEvent
 from tcfit_app.review.browser.page_events import DragDepth as DragDepthEvent
@@ -55,6 +58,8 @@ class _Dragging:
     target: Target
     """Current positions."""
     in_depth: bool = False
+    view: ProjectView | None = None
+    """Whose they are, if another view's."""
     shown: Shown | None
     drag: LiveDrag | None = None
     """The live fit that follows, if any."""
@@ -102,6 +107,8 @@ class Correcting:
         tab.pause()
         if isinstance(event, DragDepthEvent):
             self._begin_in_depth(event)
+        elif event.joints and event.view:
+            self._begin_in_view(event)
         elif event.joints:
             self._begin_in_image(event)
 
@@ -135,8 +142,19 @@ class Correcting:
         if shown is not None:
             self._dragging.drag = tab.session.edit_follower.begin_drag(shown, event.frame, joints, xy)
 
+    def _begin_in_view(self, event: DragEvent) -> None:
+        view = self._tab.view
+        if view is None or (frame := self._tab.frame_in(view, event.frame)) is None:
+            return
+        start, shown = view.corrected.xy[frame, list(event.joints)], self._tab.look().b
+        self._dragging = _Dragging(frame=frame, joints=event.joints, start=start, target=start, view=view, shown=shown)
+
     def _release(self, dragging: _Dragging) -> None:
         self._dragging = None
+        if (view := dragging.view) is not None:
+            xy = tuple((x, y) for x, y in dragging.target.tolist())
+            edit = MoveKeypoint(frames=(dragging.frame,), joints=dragging.joints, xy=(xy,))
+            return self.keep(self._tab.session.project.edit_of_view(view.id, edit))
         tab, frame, joints = self._tab, dragging.frame, dragging.joints
         if dragging.in_depth:
             frames, depths = (frame,), dragging.target[None]
@@ -176,10 +194,9 @@ class Correcting:
 
     def toggle_bad(self) -> None:
         """Mark the selected keypoints as bad, or restore them if all of them are."""
-        joints, frames = self.selected(), self._tab.frames_to_change
-        corrected = self._tab.session.project.corrected
+        corrected, frames, joints = self._chosen()
         bad = corrected.bad[np.ix_(frames, joints)].all()
-        self.make((Restore if bad else MarkBad)(frames=frames, joints=joints))
+        self._make_there((Restore if bad else MarkBad)(frames=frames, joints=joints))
 
     def swap_sides(self, name: str) -> None:
         """Exchange left and right of a part of PAIRED_PARTS."""
@@ -247,7 +264,8 @@ class Correcting:
 
     def reset(self) -> None:
         """Reset to the detection."""
-        self.make(Reset(frames=self._tab.frames_to_change, joints=self.selected()))
+        _, frames, joints = self._chosen()
+        self._make_there(Reset(frames=frames, joints=joints))
 
     def undo(self) -> None:
         """Undo the project's last edit or mark, a series of nudges as a whole, and show where it was. The first call
@@ -305,11 +323,35 @@ class Correcting:
         made = {"you": "", "another browser": " (made in another browser)"}.get(by, f" (made by {by})")
         tab.say(f"{verb}: {describe(edit, tab.first_frame)}{made}")
 
-    def selected(self) -> tuple[int, ...]:
-        """The selected keypoints. Raises InputError if no keypoint is selected."""
+    def selected_anywhere(self) -> tuple[int, ...]:
+        """The selected keypoints, also in another view's picture. Raises InputError if no keypoint is selected."""
         if not self._tab.state.selection:
             raise InputError("Select keypoints first: click one, or draw a rectangle with Shift.")
         return self._tab.state.selection
+
+    def selected(self) -> tuple[int, ...]:
+        """The selected keypoints. Raises InputError if no keypoint is selected, or in another view's picture."""
+        if (view := self._tab.corrected_view) is not None:
+            raise InputError(
+                f"Keypoints of {view.view.clip.name} can be dragged, marked bad and reset. For anything else select "
+                "them in the first picture."
+            )
+        return self.selected_anywhere()
+
+    def _chosen(self) -> tuple[Corrected, tuple[int, ...], tuple[int, ...]]:
+        """The keypoints of the picture in which some are selected, its frames to change, and the selected ones."""
+        tab, view = self._tab, self._tab.corrected_view
+        joints, frames = self.selected_anywhere(), tab.frames_to_change
+        if view is None:
+            return tab.session.project.corrected, frames, joints
+        if not (there := tab.frames_in(view)):
+            raise InputError(f"{view.view.clip.name} shows none of {in_words(frames, tab.first_frame)}.")
+        return view.corrected, there, joints
+
+    def _make_there(self, edit: KeypointEdit) -> None:
+        """Make an edit of what `_chosen` returned."""
+        view = self._tab.corrected_view
+        self.make(edit if view is None else self._tab.session.project.edit_of_view(view.id, edit))
 
     def _refuse_missing(self, frames: tuple[int, ...], joints: tuple[int, ...], what: str) -> None:
         if (self._tab.session.project.corrected.confidence[np.ix_(frames, joints)] > 0).any():

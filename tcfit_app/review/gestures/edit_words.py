@@ -3,6 +3,7 @@
 import textwrap
 from collections.abc import Iterable
 
+import msgspec
 import numpy as np
 
 from fitting_core.keypoints import FINGER_JOINTS, PartOfPerson
@@ -98,7 +99,7 @@ def describe(edit: Said, first_frame: int = 0) -> str:
     if isinstance(edit, RemoveView):
         return VERBS[RemoveView]
     if isinstance(edit, EditView):
-        return f"{VERBS[EditView]} {describe(edit.edit)}"
+        return f"{VERBS[EditView]} {describe(msgspec.structs.replace(edit.edit, frames=edit.frames), first_frame)}"
     what = part_name(edit.part) if isinstance(edit, DetectAgain) else keypoints_in_words(edit.joints)
     verb = _in_depth(edit) if isinstance(edit, SetDepth) else VERBS[type(edit)]
     if isinstance(edit, Keep):

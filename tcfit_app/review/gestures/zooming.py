@@ -91,7 +91,7 @@ def show_close_up(tab: Tab, part: Part | None) -> None:
     tab.scene.zoom_about_middle(max(_ROOM * size, least) if size else 2 * least)
 
 
-def _near_side(tab: Tab, part: Part) -> Direction:
+def _near_side(tab: Tab, part: Part) -> Direction | int:
     """Where the side view of a close-up is seen from: a hand from its own side of the body, which would hide it."""
     now, corrected, ends = tab.state.side_from, tab.session.project.corrected, [HELD_BY[part], INDEX["neck"]]
     seen = (corrected.confidence[:, ends] > 0).all(1)

@@ -18,9 +18,10 @@ from jaxtyping import Float
 from fitting_core.camera import Camera
 from tcfit_app.review.scene.layers import MOST_OTHERS, NEAREST, BodyLayer, FrameImage
 from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
+from tcfit_app.review.scene.other_view import OtherCamera
 from tcfit_app.review.scene.poses import Window
 from tcfit_app.review.scene.side_view import SideView
-from tcfit_app.review.scene.windows import Arrangement, Division, divide
+from tcfit_app.review.scene.windows import MARGIN, Arrangement, Division, divide
 
 PLATE = FrameImage.uniform((38, 40, 44))
 """Replaces a frame that is not ready, or a video that is switched off."""
@@ -56,10 +57,12 @@ class Poster:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SidePoster:
-    """The plate beside the pictures, with the same bodies seen from the side."""
+    """What is beside the pictures, with the same bodies: a plate with the side view, or another view's picture."""
 
-    view: SideView
+    view: SideView | OtherCamera
     """Compared by identity."""
+    image: FrameImage | None = None
+    """Of another view."""
     bodies: tuple[BodyLayer, ...] = ()
     """At most two."""
 
@@ -88,6 +91,8 @@ class Posters:
     def divide(self, canvas: Window) -> Division:
         """Windows for all posters."""
         side = None if self.side is None else self.side.view.width
+        if self.side is not None and isinstance(self.side.view, OtherCamera):
+            side = MARGIN * self.side.view.width
         return divide(canvas, pictures=len(self.posters), width=self.width, side=side, arrangement=self.arrangement)
 
 
@@ -129,8 +134,8 @@ class PosterNodes:
     def __init__(self, client: viser.ClientHandle, dressing: MeshDressing) -> None:
         self._root = client.scene.add_frame(_ROOT, show_axes=False, visible=False)
         self._slots = [_Slot(client, name, dressing) for name in PICTURE_NODES]
-        self._side = _Slot(client, SIDE_NODE, dressing)
-        dressing.dress(f"{SIDE_NODE}/video", nothing=True)  # it has none: the page's ground is seen
+        self._side, self._dressing, self._filmed = _Slot(client, SIDE_NODE, dressing), dressing, False
+        self._dress_side()
 
     def draw(self, snapshot: Posters) -> None:
         """Send what changed."""
@@ -146,9 +151,16 @@ class PosterNodes:
         if side is None:
             self._side.hide()
         else:
-            self._side.show(PLATE, side.view.width)
-            # No video would be visible through them.
-            self._side.draw(side.bodies, (), side.view, partial(_on_side, side.view), solid=True)
+            filmed = isinstance(side.view, OtherCamera)
+            if filmed != self._filmed:
+                self._filmed = filmed
+                self._dress_side()
+            self._side.show(side.image or PLATE, side.view.width)
+            # No video would be visible through those of the side view.
+            self._side.draw(side.bodies, (), side.view, partial(_beside, side.view), solid=not filmed)
+
+    def _dress_side(self) -> None:
+        self._dressing.dress(f"{SIDE_NODE}/video", nothing=not self._filmed)  # else the page's ground is seen
 
     def set_visible(self, visible: bool) -> None:
         """Show or hide all of them."""
@@ -163,9 +175,11 @@ def _on_picture(camera: Camera, bodies: Sequence[BodyLayer]) -> list[Float[np.nd
     return relief([body.vertices for body in bodies], camera, [body.camera for body in bodies])
 
 
-def _on_side(view: SideView, bodies: Sequence[BodyLayer]) -> list[Float[np.ndarray, "V 3"]]:
+def _beside(view: SideView | OtherCamera, bodies: Sequence[BodyLayer]) -> list[Float[np.ndarray, "V 3"]]:
     # Without other people: two who stand side by side before the camera would hide each other here.
     vertices = [body.vertices for body in bodies]
+    if isinstance(view, OtherCamera):
+        return relief([view.seen(points) for points in vertices], view.camera)
     return view.relief(vertices, view.shifts(vertices))
 
 

@@ -13,7 +13,8 @@ Arrangement = Literal["beside", "stacked", "wipe"]
 """Of two pictures: side by side, one above the other, or superimposed with a divider."""
 _GAP = 8.0
 """Gap between two windows, CSS pixels."""
-_MARGIN = 1.03
+MARGIN = 1.03
+"""Room for a picture, relative to its size."""
 _CLEARLY = 1.05
 """How much larger stacking must make the pictures to be chosen by default."""
 
@@ -36,7 +37,7 @@ class Division:
 
     def scale_of(self, width: float, height: float) -> float:
         """Pixels per image height at which a part of a picture fills its window; its size in image heights."""
-        return min(self.room[0] / width, self.room[1] / height) / _MARGIN
+        return min(self.room[0] / width, self.room[1] / height) / MARGIN
 
 
 def divide(
@@ -65,7 +66,7 @@ def _divided(canvas: Window, pictures: int, width: float, side: float | None, ar
     plate = 0.0 if side is None else side
     across = max(canvas.width - _GAP * (columns - 1 + (side is not None)), 1.0)
     down = max(canvas.height - _GAP * (rows - 1), 1.0)
-    scale = min(across / (columns * width + plate), down / rows) / _MARGIN
+    scale = min(across / (columns * width + plate), down / rows) / MARGIN
     room = (across - plate * scale) / columns, down / rows
     places = [
         (column * (room[0] + _GAP), row * (room[1] + _GAP)) for row in range(rows) for column in range(columns)

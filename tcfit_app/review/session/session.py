@@ -36,6 +36,7 @@ from tcfit_app.imports.results import ImportChoices, import_run
 from tcfit_app.imports.uploads import kept_as, upload
 from tcfit_app.project.edits.edit_log import LogEntry, Remark, WriteNote, WriteNotes
 from tcfit_app.project.edits.kinds import Edit, MoveKeypoint, PlaceKey, SetDepth
+from tcfit_app.project.other_view import ProjectView
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.project.storage.run_record import Given, Run, RunKind
@@ -177,6 +178,11 @@ class Session:
         does; nothing is stored then."""
         with kept_as("upload.eaf", content, name_of_file(name)) as path:
             return notes_of(path, self.project, tiers)
+
+    @property
+    def views(self) -> dict[int, ProjectView]:
+        """The clip's other views, by their ids."""
+        return {view.id: view for view in self.project.views}
 
     # --- fits ---
 

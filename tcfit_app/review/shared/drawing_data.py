@@ -13,6 +13,7 @@ from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.camera import project as in_picture
+from fitting_core.clip import Clip, OtherView
 from fitting_core.errors import InputError
 from fitting_core.ground.from_pictures import StraightLines, straight_lines
 from fitting_core.ground.level import Level, level_of
@@ -29,6 +30,7 @@ from tcfit_app.analysis.run_metrics import (
 )
 from tcfit_app.analysis.seen import evident
 from tcfit_app.analysis.suspicion import ReviewQueue, Suspect, findings, review_queue, still_checked, worst_place
+from tcfit_app.analysis.view_scale import scale_of
 from tcfit_app.fitting.edit_follower import LiveWindow
 from tcfit_app.fitting.fits import FitChoice, Shown, own_phases
 from tcfit_app.project.glance import off_by_part
@@ -95,6 +97,8 @@ class DrawingData:
         self.warming = False
         """Whether the first body is still being read (a second); the drawing thread does not wait for it."""
         self._video = self._opened()
+        self._beside: tuple[Clip, VideoFrames] | None = None
+        """Another view's video, once it was shown."""
 
     def _opened(self) -> VideoFrames:
         self._of_video = self.session.project.video_version
@@ -107,6 +111,20 @@ class DrawingData:
             self._videos.leave(self._video)
             self._video = self._opened()
         return self._video
+
+    def video_of(self, clip: Clip) -> VideoFrames:
+        """The frames of another view; of one view at a time."""
+        if self._beside is not None and self._beside[0].source != clip.source:
+            self._videos.leave(self._beside[1])
+            self._beside = None
+        if self._beside is None:
+            self._beside = clip, self._videos.of(clip)
+        return self._beside[1]
+
+    def leave(self, reader: Hashable) -> None:
+        """Forget the frames that a reader was about to play."""
+        for video in (self._video, *([] if self._beside is None else [self._beside[1]])):
+            video.leave(reader)
 
     def warm_up(self) -> None:
         """Read what the first picture of a fitted project needs, before it is requested, or what the first fit does."""
@@ -126,8 +144,10 @@ class DrawingData:
             self.warming = False
 
     def close(self) -> None:
-        """End the video thread."""
+        """End the videos' threads."""
         self._videos.leave(self._video)
+        if self._beside is not None:
+            self._videos.leave(self._beside[1])
 
     def meshes(self, shown: Shown) -> Meshes:
         """Of the run's body. Raises InputError if its model is missing."""
@@ -191,6 +211,19 @@ class DrawingData:
 
         level = self.level(held)
         return self.tasks.get(("room", _stage(shown), _stage(held)), made)
+
+    def view_scale(self, view: OtherView, shown: Shown) -> float:
+        """See `view_scale.scale_of`; 1 while it is computed."""
+        meshes, rate = self.meshes(shown), self.session.project.footage.frame_rate
+
+        def made() -> float:
+            there = np.arange(len(shown.params)) if shown.there is None else np.flatnonzero(shown.there)
+            sample = there[:: -(-len(there) // _SAMPLED)]
+            return scale_of(view, meshes.body_points(shown.params[sample.tolist()]), sample / rate)
+
+        if shown.there is not None and not shown.there.any():
+            return 1.0
+        return self.tasks.get(("view scale", view.relation, _stage(shown)), made) or 1.0
 
     @property
     def straight_lines(self) -> StraightLines | None:

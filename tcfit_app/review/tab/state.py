@@ -26,7 +26,7 @@ HELD_BY: dict[Part, int] = {
 }
 """What it follows where the group was not detected: a keypoint of the body."""
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
-Need = Literal["bodies", "picture", "silhouettes", "others", "two_fits", "writable", "keypoints"]
+Need = Literal["bodies", "beside", "picture", "silhouettes", "others", "two_fits", "writable", "keypoints"]
 """What must hold before a control can be used: a name in `NEEDS` of the gestures."""
 Section = Literal["playing", "shown", "body", "compare", "keyframes", "camera"]
 """Where a switch is: in the bar, in one of its menus Body and Compare, or in a panel."""
@@ -90,6 +90,8 @@ class TabState:
     """Selected keypoints, the last selected at the end."""
     suggested: bool = False
     """The review queue selected them, not the user: a drag moves only the one under the pointer."""
+    in_view: bool = False
+    """They were selected in another view's picture, to which corrections then apply."""
     frames: range | None = None
     """The selected frames."""
     frames_suggested: bool = False
@@ -105,10 +107,11 @@ class TabState:
         ),
     )
     """A moved wrist takes its hand along, and a hand's wrist the body's."""
-    side: bool = control(True, Switch("shown", "Side view", "Side view on or off", "v", needs=("bodies",)))
+    side: bool = control(True, Switch("shown", "Side view", "Side view on or off", "v", needs=("beside",)))
     """The side view is beside the picture, if there is a fit."""
-    side_from: Direction = "right"
-    """Where its viewer is. The plate is to the right of the picture, hence this default side."""
+    side_from: Direction | int = "right"
+    """Where its viewer is: the plate is to the right of the picture, hence this default side; or the number of another
+    view that takes its place."""
     close_up: Part | None = None
     """What the view follows from frame to frame; in Edit beside the video alone."""
     playing: bool = False
@@ -166,6 +169,7 @@ _OF_A_PERSON = {
     "b",
     "selection",
     "suggested",
+    "in_view",
     "frames",
     "frames_suggested",
     "settings",

@@ -12,12 +12,13 @@ import viser
 from fitting_core.errors import InputError
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.frame_words import in_words
+from tcfit_app.project.other_view import ProjectView
 from tcfit_app.project.storage.clip_review import BROWSER
 from tcfit_app.review.browser.channel import Channel
 from tcfit_app.review.browser.page_events import Hello, PageEvent
 from tcfit_app.review.browser.page_states import ShowPanel
 from tcfit_app.review.scene.scene import SceneView
-from tcfit_app.review.scene.side_view import usual_width
+from tcfit_app.review.scene.side_view import Direction, usual_width
 from tcfit_app.review.scene.windows import Arrangement, divide
 from tcfit_app.review.session.tasks import Task, Value, Work
 from tcfit_app.review.tab.buttons import Buttons
@@ -213,7 +214,7 @@ class Tab:
 
     def set(self, **changes: Any) -> None:
         """Change the state; names and values as in TabState."""
-        suggested = {"suggested": False} if "selection" in changes else {}
+        suggested = {"suggested": False, "in_view": False} if "selection" in changes else {}
         frames = self.state.frames if self.state.frames_suggested else None
         if "frames" in changes:
             suggested["frames_suggested"] = False
@@ -283,7 +284,7 @@ class Tab:
         """Stop playing."""
         if self.state.playing:
             self.set(playing=False)
-            self.data.video.leave(self)
+            self.data.leave(self)
 
     def advance(self, now: float) -> bool:
         """Go to the frame that is due while the clip plays; False while the page is busy with the last one."""
@@ -320,17 +321,45 @@ class Tab:
             return "wipe"
         size = self.session.project.footage.camera.size
         width = size[0] / size[1]
-        side = usual_width(2 * width) if self.state.side else None
+        view = self.view
+        beside = usual_width(2 * width) if view is None else self.side_width
+        side = beside if self.state.side else None
         return divide(self.scene.cameras.window, pictures=2, width=width, side=side).arrangement
 
     @property
     def side_width(self) -> float:
-        """Width of the side view's plate, in image heights."""
+        """Width of what is beside the picture, in heights: of another view's picture, or of the side view's plate."""
         width, height = self.session.project.footage.camera.size
+        if (view := self.view) is not None:
+            return view.view.clip.camera.size[0] / view.view.clip.camera.size[1]
         if self.state.close_up and self.state.mode == "edit":  # three windows of one size
             return width / height
         beside = len(self.shown.places) if self.arrangement == "beside" else 1
         return usual_width(beside * width / height)
+
+    @property
+    def view(self) -> ProjectView | None:
+        """The other view that takes the side view's place, if any."""
+        return self.session.views.get(self.state.side_from) if isinstance(self.state.side_from, int) else None
+
+    @property
+    def corrected_view(self) -> ProjectView | None:
+        """The other view in whose picture keypoints are selected."""
+        return self.view if self.state.in_view and self.state.side else None
+
+    def frame_in(self, view: ProjectView, frame: int) -> int | None:
+        """A view's own frame for one of the clip; None if it was not filmed then."""
+        return view.frame_at(frame, self.session.project.footage.frame_rate)
+
+    def frames_in(self, view: ProjectView) -> tuple[int, ...]:
+        """A view's own frames that are on show in `chosen_frames`."""
+        found = {self.frame_in(view, frame) for frame in self.chosen_frames}
+        return tuple(sorted(frame for frame in found if frame is not None))
+
+    @property
+    def direction(self) -> Direction:
+        """Of the side view, also where another view was that is gone."""
+        return "right" if isinstance(self.state.side_from, int) else self.state.side_from
 
     # --- what is on show ---
 

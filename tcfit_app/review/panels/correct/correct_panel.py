@@ -77,14 +77,14 @@ class CorrectPanel:
         tab, project = self._tab, self._tab.session.project
         writable = not project.read_only and project.has_detections
         able = bool(tab.state.selection) and writable and not tab.hidden_frames_chosen
-        fitted = able and tab.shown.b is not None
+        fitted = able and tab.shown.b is not None and tab.corrected_view is None
         self._head.show(*self._heading())
         self._name.draw()
         self._buttons.show(*self._of_keypoints() if able else [])
         self._shapes.draw(on=fitted and not refusal(self._gestures.shaping.side))
         if self._depth_fold.draw("Depth, pin, lock", on=fitted):
             self._depth.show(*self._in_depth())
-        self._always.show(*[self._of_frames()] if writable else [])
+        self._always.show(*[self._of_frames()] if writable and tab.corrected_view is None else [])
         done = project.standing.counted(project.last_edit)
         if self._corrections_fold.draw(f"Corrections ({done})"):
             self._corrections.show(*self._history())
@@ -102,7 +102,9 @@ class CorrectPanel:
             parts += [heading("Nothing selected", frames, first=True), paragraph(_HOW, "dim")]
         else:
             what = f"{tab.someone.name}: " * bool(tab.someone.others) + keypoints_in_words(selection)
-            parts.append(heading(capitalized(what), frames, first=True))
+            view = tab.corrected_view
+            where = "" if view is None else f" in {view.view.clip.name}"
+            parts.append(heading(capitalized(what) + where, frames, first=True))
             if not moving:
                 parts += [paragraph(sentence(tab)), *figures(tab)]
         parts += unseen(tab)
@@ -123,8 +125,11 @@ class CorrectPanel:
         act, gestures = self._action, self._gestures
         more = [action_item(gestures, name) for name in ("copy", "delete_key", "keyframes", "hand_along")]
         bad = not self._tab.state.playing and [*states(self._tab)] == ["marked bad"]
+        first = row(act("bad", "Restore" if bad else "Mark bad"), act("reset", "Reset"))
+        if self._tab.corrected_view is not None:
+            return [first]
         return [
-            row(act("bad", "Restore" if bad else "Mark bad"), act("reset", "Reset")),
+            first,
             row(act("interpolate"), menu_button("More ▾", "correct.more", more)),
         ]
 

@@ -18,8 +18,11 @@ _STATES = ("detected", "corrected", "pinned in space", "not detected", "marked b
 def states(tab: Tab) -> Mapping[str, int]:
     """How many of the selected keypoints in the chosen frames are in each state that any of them has."""
     project, joints, frames = tab.session.project, tab.state.selection, tab.chosen_frames
-    key = joints, frames, project.keypoints_version
-    return tab.once("states", key, lambda: _counted(project.corrected[np.ix_(frames, joints)]))
+    corrected = project.corrected
+    if (view := tab.corrected_view) is not None:
+        frames, corrected = tab.frames_in(view), view.corrected
+    key = joints, frames, view, project.keypoints_version
+    return tab.once("states", key, lambda: _counted(corrected[np.ix_(frames, joints)]))
 
 
 def _counted(corrected: Corrected) -> Mapping[str, int]:
@@ -33,8 +36,12 @@ def _counted(corrected: Corrected) -> Mapping[str, int]:
 
 def sentence(tab: Tab) -> str:
     """The state of what is selected."""
-    found, frames, joints = states(tab), tab.chosen_frames, tab.state.selection
+    found, frames, joints, view = states(tab), tab.chosen_frames, tab.state.selection, tab.corrected_view
+    if view is not None and not (frames := tab.frames_in(view)):
+        return "It was not filmed at this moment."
     total = len(frames) * len(joints)
+    if total == 1 and view is not None:
+        return f"{next(iter(found)).capitalize()}."
     if total == 1:
         (state,) = found
         shown = tab.shown.body("b")
@@ -89,6 +96,8 @@ def _gap(tab: Tab, frame: int, joint: int) -> float | None:
 def figures(tab: Tab) -> list[Html]:
     """Confidence and position of one keypoint in the frame on show, or the confidence of several; none if missing."""
     project, frame, joints = tab.session.project, tab.state.frame, tab.state.selection
+    if tab.corrected_view is not None:
+        return []
     corrected, detected = project.corrected[frame], project.detected
     there = [joint for joint in joints if corrected.present[joint]]
     if not there:

@@ -1,8 +1,8 @@
 // The left button: it selects and drags keypoints. viser's camera it turns in 3D alone.
 
-/** @import { Gesture, Place } from "./picking.js" */
+/** @import { Found, Gesture, Place } from "./picking.js" */
 /** @import { Held } from "./skeleton.js" */
-/** @import { Drag } from "../wire" */
+/** @import { Drag, Keypoints } from "../wire" */
 
 import { PATIENCE, emit, emitLast, emitSoon, invalidate, known, states, watch } from "../connection.js";
 import { DRAG_THRESHOLD, leaveField } from "../elements.js";
@@ -10,10 +10,12 @@ import { canvas, canvasSize, keepCameraFlat, moveWheel } from "../viser/bridge.j
 import { beginDepthDrag, endDepthDrag, followInDepth } from "./depth.js";
 import { selectPersonAt } from "./people.js";
 import {
-  REACH, TOUCH_REACH, canvasPlace, inPicture, overPoster, overScene, pick, pictureAt, pointer, within,
+  REACH, TOUCH_REACH, canvasPlace, inPicture, inView, overPoster, overScene, pick, pictureAt, pointer, within,
 } from "./picking.js";
 import { drawn, inBox, toImage } from "./projection.js";
-import { chosen, groupShown, isPicture, isSide, marked, position, select, skeletonReady } from "./skeleton.js";
+import {
+  chosen, groupShown, isPicture, isSide, marked, pointsOf, position, select, skeletonReady,
+} from "./skeleton.js";
 
 /** @param {PointerEvent} event */
 function press(event) {
@@ -28,7 +30,7 @@ function press(event) {
   const found = pick(place, touch ? TOUCH_REACH : REACH);
   if (!found && (touch || !overPoster(event))) return; // that pans and zooms the picture, or turns 3D
   const anchor = found && toImage(drawn.maps[found.poster], place.x, place.y);
-  const kind = found ? beginOnJoint(found.joint, event.shiftKey) : event.shiftKey ? "marquee" : "empty";
+  const kind = found ? beginOnJoint(found, event.shiftKey) : event.shiftKey ? "marquee" : "empty";
   begin(event, place, { found, anchor, kind });
 }
 
@@ -42,13 +44,16 @@ function begin(event, place, what) {
 }
 
 /** Selects what was pressed; a press on one of several that the user has selected may begin to drag them all.
- * @param {number} joint @param {boolean} shift */
-function beginOnJoint(joint, shift) {
-  if (shift) {
-    select([joint], "toggle");
+ * @param {Found} found @param {boolean} shift */
+function beginOnJoint(found, shift) {
+  const { joint } = found;
+  const view = inView(found);
+  const same = chosen.view === view;
+  if (shift && same) {
+    select([joint], "toggle", view);
     return "toggled";
   }
-  if (chosen.suggested || !chosen.joints.has(joint)) select([joint], "replace");
+  if (chosen.suggested || !chosen.joints.has(joint) || !same) select([joint], "replace", view);
   return "press";
 }
 
@@ -75,27 +80,30 @@ function move(event) {
 
 /** @param {Gesture} gesture */
 function beginDrag(gesture) {
-  const joints = withHands([...chosen.joints].filter(groupShown)).sort((a, b) => a - b);
+  if (!gesture.found) return;
+  const [points, view] = [pointsOf(drawn.maps[gesture.found.poster]), inView(gesture.found)];
+  const joints = withHands([...chosen.joints].filter(groupShown), points).sort((a, b) => a - b);
   gesture.kind = "drag";
-  const from = Object.fromEntries(joints.map((joint) => [joint, position(joint)]));
-  chosen.held = { joints: new Set(joints), from, dx: 0, dy: 0, frame: known("keypoints").frame, left: false };
+  const from = Object.fromEntries(joints.map((joint) => [joint, position(joint, points)]));
+  const { frame } = known("keypoints");
+  chosen.held = { joints: new Set(joints), from, dx: 0, dy: 0, frame, view, left: false };
   emit(dragEvent("start", chosen.held));
 }
 
-/** With the hands whose wrists are among them, if these go along. @param {number[]} joints */
-function withHands(joints) {
+/** With the hands whose wrists are among them, if these go along. @param {number[]} joints @param {Keypoints} points */
+function withHands(joints, points) {
   const all = new Set(joints);
   const hands = known("style").hand_along ? known("skeleton").hands : [];
   for (const [wrist, start, stop] of hands) {
     if (!all.has(wrist) && !all.has(start)) continue;
-    for (let joint = start; joint < stop; joint++) if (detected(joint)) all.add(joint);
-    if (detected(wrist)) all.add(wrist);
+    for (let joint = start; joint < stop; joint++) if (detected(joint, points)) all.add(joint);
+    if (detected(wrist, points)) all.add(wrist);
   }
   return [...all];
 }
 
-/** @param {number} joint */
-const detected = (joint) => known("keypoints").confidence[joint] > 0 && !marked("bad", joint);
+/** @param {number} joint @param {Keypoints} points */
+const detected = (joint, points) => points.confidence[joint] > 0 && !marked("bad", joint, points);
 
 /** @param {Gesture} gesture */
 function followPointer({ found, anchor, x, y }) {
@@ -106,8 +114,8 @@ function followPointer({ found, anchor, x, y }) {
 }
 
 /** @param {Drag["phase"]} phase @param {Held} held @returns {Drag} */
-const dragEvent = (phase, { joints, dx, dy, frame }) =>
-  ({ type: "drag", phase, joints: [...joints], dx, dy, frame });
+const dragEvent = (phase, { joints, dx, dy, frame, view }) =>
+  ({ type: "drag", phase, joints: [...joints], dx, dy, frame, view });
 
 /** Ends a drag: its keypoints stay where they are now until the server shows them there.
  * @param {"end" | "cancel"} phase @param {Held} held */
@@ -134,7 +142,8 @@ function release(event) {
     followInDepth(gesture);
     endDepthDrag("end");
   }
-  if (gesture.kind === "press" && gesture.found && chosen.joints.size > 1) select([gesture.found.joint], "replace");
+  if (gesture.kind === "press" && gesture.found && chosen.joints.size > 1)
+    select([gesture.found.joint], "replace", inView(gesture.found));
   if (gesture.kind === "empty") pressBesides(gesture);
   if (gesture.kind === "marquee") selectWithin(gesture);
   if (gesture.kind === "framing") frameWithin(gesture);
@@ -144,7 +153,7 @@ function release(event) {
 
 /** A press where there is no keypoint of this person. @param {Gesture} gesture */
 function pressBesides(gesture) {
-  if (chosen.joints.size) select([], "replace");
+  if (chosen.joints.size) select([], "replace", false);
   const map = drawn.maps.find((one) => isPicture(one) && inBox(one.seen, gesture));
   const still = Math.hypot(gesture.x - gesture.x0, gesture.y - gesture.y0) < DRAG_THRESHOLD;
   if (map && still) selectPersonAt(map, gesture);
@@ -153,7 +162,8 @@ function pressBesides(gesture) {
 /** @param {Gesture} gesture */
 function selectWithin(gesture) {
   const joints = within(gesture);
-  if (joints.length) select(joints, "add");
+  const at = drawn.maps.find(({ window }) => inBox(window, { x: gesture.x0, y: gesture.y0 }));
+  if (joints.length) select(joints, "add", at?.poster.kind === "view");
 }
 
 /** Tells the rectangle that was drawn; a press alone draws none. @param {Gesture} gesture */

@@ -6,7 +6,7 @@
 
 import { known, states } from "../connection.js";
 import { scenePoint, worldToCanvas } from "../viser/bridge.js";
-import { dot, onPlate } from "./following.js";
+import { dot, waysBeside } from "./following.js";
 import { toScreen } from "./projection.js";
 
 const STEP = 0.01; // metres: short enough for the perspective of 3D to be even
@@ -15,14 +15,13 @@ const STEP = 0.01; // metres: short enough for the perspective of 3D to be even
 const minus = (a, b) => a.map((value, i) => value - b[i]);
 
 /** How points of each body come onto the screen: null for what lies behind the viewer.
- * @param {PosterMap} map of the side view or of 3D
+ * @param {PosterMap} map of the side view, of another view or of 3D
  * @returns {((point: number[]) => [x: number, y: number] | null)[]} by body */
 export function projections(map) {
-  const { bodies, side } = states;
-  if (map.poster.kind === "side")
-    return (side?.shifts ?? []).map((_, body) => (point) => toScreen(map, onPlate(known("side"), body, point)));
+  const { kind } = map.poster;
+  if (kind !== "space") return waysBeside(kind).map((way) => (point) => toScreen(map, way(point)));
   const matrix = worldToCanvas();
-  return (bodies?.bodies ?? []).map(() => (point) => {
+  return (states.bodies?.bodies ?? []).map(() => (point) => {
     const { turn, place } = known("space");
     const [right, down, ahead] = turn.map((row, axis) => dot(row, point) + place[axis]);
     const [x, y, depth] = scenePoint(matrix, [right, down, ahead]);

@@ -2,6 +2,7 @@
 
 /** @import { PosterMap } from "./projection.js" */
 /** @import { Gesture } from "./picking.js" */
+/** @import { Keypoints } from "../wire" */
 /** @typedef {CanvasRenderingContext2D} Context */
 
 import { addPainter, invalidate, known, paint, states, watch } from "../connection.js";
@@ -19,8 +20,8 @@ import { wayOf } from "./depth.js";
 import { fitLine } from "./fits.js";
 import { drawFits, drawSide } from "./side.js";
 import {
-  chosen, groupColor, groupOf, groupShown, isPicture, isSide, isSpace, jointRadius, marked, placesOf, position, shown,
-  shownJoints, skeletonReady, zoomFactor,
+  chosen, groupColor, groupOf, groupShown, isFilmed, isPicture, isSide, isSpace, jointRadius, marked, placesOf,
+  pointsOf, position, shown, shownJoints, skeletonReady, zoomFactor,
 } from "./skeleton.js";
 
 const GAP = 0.01; // image diagonals beyond which a correction counts as not reached
@@ -29,12 +30,6 @@ const FINE_BONES = 1.3; // CSS pixels: too fine for a rim
 const OUTLINE = 1.6; // CSS pixels, of a silhouette
 const NAME_HEIGHT = 34; // of a fit's name with the room around it, in CSS pixels
 const NAME_ROOM = 260; // CSS pixels for a fit's name, also beyond a narrow picture
-
-/** @param {number} joint */
-function jointPaint(joint) {
-  const confidence = known("keypoints").confidence[joint];
-  return { color: groupColor(groupOf[joint]), alpha: 0.35 + 0.65 * Math.min(confidence, 1) };
-}
 
 function drawOverlay() {
   const context = cleared(overlayCanvas);
@@ -62,24 +57,25 @@ function fadeOutside(context, map) {
 /** @param {Context} context */
 function drawSkeleton(context) {
   if (!pointer.gesture) pointer.hovered = pick(pointer.place, REACH);
-  const joints = shownJoints();
-  for (const map of drawn.maps) clipTo(context, map.seen, () => drawOnPoster(context, map, joints));
+  for (const map of drawn.maps) clipTo(context, map.seen, () => drawOnPoster(context, map));
   drawHovered(context);
   if (pointer.gesture?.kind === "marquee") drawMarquee(context, pointer.gesture);
   if (pointer.gesture?.kind === "framing") drawFrame(context, pointer.gesture);
 }
 
-/** @param {Context} context @param {PosterMap} map @param {number[]} joints */
-function drawOnPoster(context, map, joints) {
+/** @param {Context} context @param {PosterMap} map */
+function drawOnPoster(context, map) {
   if (isSide(map)) return drawSide(context, map);
   if (isSpace(map)) return drawFits(context, map);
-  if (!isPicture(map)) return;
-  drawStraightLines(context, map);
-  drawSilhouette(context, map);
-  drawGaps(context, map);
-  drawPeople(context, map);
+  if (!isFilmed(map)) return;
+  if (isPicture(map)) {
+    drawStraightLines(context, map);
+    drawSilhouette(context, map);
+    drawGaps(context, map);
+    drawPeople(context, map);
+  }
   if (known("style").points) drawBones(context, map);
-  for (const joint of [...joints].reverse()) drawJoint(context, map, joint); // the body's last, on top
+  for (const joint of shownJoints(map).reverse()) drawJoint(context, map, joint); // the body's last, on top
 }
 
 /** What the person covers of the picture, as the detector has it: a dashed outline.
@@ -117,14 +113,14 @@ function drawStraightLines(context, map) {
 /** @param {Context} context @param {PosterMap} map */
 function drawBones(context, map) {
   const { groups, bones } = known("skeleton");
-  const { confidence } = known("keypoints");
+  const points = pointsOf(map);
   /** @param {number} joint */
-  const sure = (joint) => confidence[joint] > 0 && !marked("bad", joint);
+  const sure = (joint) => points.confidence[joint] > 0 && !marked("bad", joint, points);
   const lines = groups.map(() => new Path2D());
   for (const [a, b] of bones) {
     if (![a, b].every((joint) => sure(joint) && groupShown(joint))) continue;
-    lines[groupOf[a]].moveTo(...toScreen(map, position(a)));
-    lines[groupOf[a]].lineTo(...toScreen(map, position(b)));
+    lines[groupOf[a]].moveTo(...toScreen(map, position(a, points)));
+    lines[groupOf[a]].lineTo(...toScreen(map, position(b, points)));
   }
   context.lineCap = "butt"; // points cover the ends
   groups.forEach(({ radius }, i) => {
@@ -138,25 +134,28 @@ function drawBones(context, map) {
 
 /** @param {Context} context @param {PosterMap} map @param {number} joint */
 function drawJoint(context, map, joint) {
-  const [x, y] = toScreen(map, position(joint));
+  const points = pointsOf(map);
+  const [x, y] = toScreen(map, position(joint, points));
   const radius = jointRadius(joint, map);
-  if (marked("bad", joint)) drawBad(context, x, y, radius);
-  else drawDisc(context, x, y, radius, joint);
+  if (marked("bad", joint, points)) drawBad(context, x, y, radius);
+  else drawDisc(context, x, y, radius, joint, points);
   const around = 1.6 * radius + 3.5; // beyond all rings
-  if (marked("pinned", joint)) drawPin(context, x, y, around);
-  if (marked("locked", joint)) drawLock(context, x, y, 1.2 * around);
-  if (marked("deep", joint)) drawDepth(context, x, y, around);
-  if (marked("edited", joint)) ring(context, x, y, 1.25 * radius + 2, COLORS.strong, 1.6);
+  if (marked("pinned", joint, points)) drawPin(context, x, y, around);
+  if (marked("locked", joint, points)) drawLock(context, x, y, 1.2 * around);
+  if (marked("deep", joint, points)) drawDepth(context, x, y, around);
+  if (marked("edited", joint, points)) ring(context, x, y, 1.25 * radius + 2, COLORS.strong, 1.6);
   if (chosen.joints.has(joint)) ring(context, x, y, 1.5 * radius + 1.8, COLORS.selected, Math.min(1 + radius / 5, 2.2));
 }
 
-/** @param {Context} context @param {number} x @param {number} y @param {number} radius @param {number} joint */
-function drawDisc(context, x, y, radius, joint) {
-  const { color, alpha } = jointPaint(joint);
-  if (marked("ignored", joint)) return ring(context, x, y, radius, color, 1);
+/** @param {Context} context @param {number} x @param {number} y @param {number} radius @param {number} joint
+ * @param {Keypoints} points */
+function drawDisc(context, x, y, radius, joint, points) {
+  const color = groupColor(groupOf[joint]);
+  const confidence = points.confidence[joint];
+  if (marked("ignored", joint, points)) return ring(context, x, y, radius, color, 1);
   stamp(context, rim(radius), x, y);
-  if (known("keypoints").confidence[joint] === 0) return;
-  context.globalAlpha = alpha;
+  if (confidence === 0) return;
+  context.globalAlpha = 0.35 + 0.65 * Math.min(confidence, 1);
   stamp(context, disc(color, radius), x, y);
   context.globalAlpha = 1;
 }
@@ -203,7 +202,7 @@ function drawGaps(context, map) {
   const [fx, fy, cx, cy] = body.camera;
   const gaps = new Path2D();
   body.points.forEach((point, joint) => {
-    const corrected = marked("edited", joint) || chosen.held?.joints.has(joint);
+    const corrected = marked("edited", joint) || (!chosen.held?.view && chosen.held?.joints.has(joint));
     if (!point || point[2] <= 0 || !corrected || marked("bad", joint) || !shown(joint)) return;
     /** @type {[number, number]} */
     const reached = [(fx * point[0]) / point[2] + cx, (fy * point[1]) / point[2] + cy];
@@ -225,28 +224,28 @@ function drawHovered(context) {
   const { hovered } = pointer;
   if (!hovered) return;
   const { joint, poster, body } = hovered;
-  if (inPicture(hovered) && !shown(joint)) return;
+  if (inPicture(hovered) && !shown(joint, pointsOf(drawn.maps[poster]))) return;
   for (const map of drawn.maps)
     clipTo(context, map.seen, () => {
-      for (const { x, y } of !isPicture(map) || shown(joint) ? placesOf(map, [joint]) : [])
+      for (const { x, y } of !isFilmed(map) || shown(joint, pointsOf(map)) ? placesOf(map, [joint]) : [])
         ring(context, x, y, jointRadius(joint, map) + 1.5, COLORS.accent, 1.8);
     });
   const place = drawn.maps[poster] && placesOf(drawn.maps[poster], [joint]).find((placed) => placed.body === body);
   if (!place) return;
-  tooltip.textContent = inPicture(hovered) ? jointLine(joint) : fitLine(joint, body);
+  tooltip.textContent = inPicture(hovered) ? jointLine(joint, pointsOf(drawn.maps[poster])) : fitLine(joint, body);
   placeTooltip(tooltip, place.x, place.y, false);
 }
 
-/** "right wrist  0.83  edited" @param {number} joint */
-function jointLine(joint) {
-  const confidence = known("keypoints").confidence[joint];
+/** "right wrist  0.83  edited" @param {number} joint @param {Keypoints} points */
+function jointLine(joint, points) {
+  const confidence = points.confidence[joint];
   const parts = [known("skeleton").names[joint], confidence > 0 ? confidence.toFixed(2) : "missing"];
-  if (marked("bad", joint)) parts.push("bad");
-  if (marked("pinned", joint)) parts.push("pinned");
-  else if (marked("edited", joint)) parts.push("edited");
-  if (marked("locked", joint)) parts.push("rotation locked");
-  if (marked("deep", joint)) parts.push("depth set");
-  if (marked("ignored", joint)) parts.push("does not count: the hand has a given shape");
+  if (marked("bad", joint, points)) parts.push("bad");
+  if (marked("pinned", joint, points)) parts.push("pinned");
+  else if (marked("edited", joint, points)) parts.push("edited");
+  if (marked("locked", joint, points)) parts.push("rotation locked");
+  if (marked("deep", joint, points)) parts.push("depth set");
+  if (marked("ignored", joint, points)) parts.push("does not count: the hand has a given shape");
   return parts.join("  ");
 }
 

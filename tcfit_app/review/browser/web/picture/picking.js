@@ -6,7 +6,7 @@ import { invalidate, known, states } from "../connection.js";
 import { onRightClick, openMenu } from "../menu.js";
 import { canvas } from "../viser/bridge.js";
 import { drawn, inBox } from "./projection.js";
-import { chosen, groupOf, isPicture, placedOn, select, skeletonReady } from "./skeleton.js";
+import { chosen, groupOf, isFilmed, isPicture, placedOn, select, skeletonReady } from "./skeleton.js";
 
 export const REACH = 12; // CSS pixels
 export const TOUCH_REACH = 24;
@@ -42,7 +42,7 @@ export function pick(place, reach) {
     if (!inBox(map.seen, place)) continue;
     for (const { joint, x, y, body } of placedOn(map)) {
       const distance = Math.hypot(x - place.x, y - place.y);
-      const other = isPicture(map) ? 0 : bodies - 1 - body; // the body that is corrected is meant where they meet
+      const other = isFilmed(map) ? 0 : bodies - 1 - body; // the body that is corrected is meant where they meet
       const score = distance + RANK_HANDICAP * (groupOf[joint] + other);
       if (distance <= reach && (!best || score < best.score)) best = { joint, poster, body, score };
     }
@@ -51,7 +51,10 @@ export function pick(place, reach) {
 }
 
 /** Whether what was met is in a picture, where keypoints are dragged. @param {Found | null} found */
-export const inPicture = (found) => found !== null && isPicture(drawn.maps[found.poster]);
+export const inPicture = (found) => found !== null && isFilmed(drawn.maps[found.poster]);
+
+/** Whether it is in another view's picture. @param {Found | null} found */
+export const inView = (found) => found !== null && drawn.maps[found.poster].poster.kind === "view";
 
 /** The picture's map at this place. @param {Place | null} place */
 export const pictureAt = (place) => drawn.maps.find((map) => place && isPicture(map) && inBox(map.seen, place));
@@ -92,7 +95,9 @@ document.documentElement.addEventListener("pointerleave", hover);
 function rightClick(event) {
   if (!skeletonReady()) return;
   const found = pick(canvasPlace(event), REACH);
-  if (found && (chosen.suggested || !chosen.joints.has(found.joint))) select([found.joint], "replace");
+  const view = inView(found);
+  if (found && (chosen.suggested || !chosen.joints.has(found.joint) || chosen.view !== view))
+    select([found.joint], "replace", view);
   const groups = (found ? states.menus?.keypoints : states.menus?.picture) ?? [];
   const items = groups.flatMap((group, i) => (i ? [null, ...group] : [...group]));
   const name = found ? known("skeleton").names[found.joint] : "Picture";

@@ -5,7 +5,7 @@
 
 import { states } from "../connection.js";
 import { canvasPoint, canvasSize, worldToCanvas } from "../viser/bridge.js";
-import { sideMiddle } from "./following.js";
+import { imageHeight, sideMiddle } from "./following.js";
 
 /** @typedef {{ left: number, top: number, right: number, bottom: number }} Box in CSS pixels of the canvas */
 /**
@@ -43,12 +43,12 @@ export function posterMaps() {
   };
   return layout.posters.map((poster, i) => {
     const window = windowOf(poster, canvas);
-    const { x: u, y: v } = poster.kind === "side" ? sideMiddle(poster, window, seenFrom) : seenFrom;
+    const { x: u, y: v } = ["side", "view"].includes(poster.kind) ? sideMiddle(poster, window, seenFrom) : seenFrom;
     const across = poster.width * scale;
     const ox = (window.left + window.right) / 2 - u * scale - across / 2;
     const oy = (window.top + window.bottom) / 2 - v * scale - scale / 2;
     const seen = layout.wipe && poster.kind === "picture" ? besideDivider(window, i) : window;
-    return { ox, oy, pixel: scale / height, width: across, height: scale, window, seen, poster };
+    return { ox, oy, pixel: scale / imageHeight(poster), width: across, height: scale, window, seen, poster };
   });
 }
 

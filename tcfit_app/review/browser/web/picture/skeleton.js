@@ -16,6 +16,7 @@ import { toScreen } from "./projection.js";
  * @property {number} dx since then, in image pixels
  * @property {number} dy
  * @property {number} frame
+ * @property {boolean} view whether they are another view's
  * @property {boolean} left whether they were let go, and wait for the server to show them there
  */
 
@@ -34,6 +35,7 @@ export const chosen = {
   /** @type {Set<number>} */
   joints: new Set(), // selected
   suggested: false, // not the user has selected them
+  view: false, // in another view's picture, whose keypoints are corrected then
   /** @type {Held | null} */
   held: null,
   /** @type {InDepth | null} */
@@ -46,9 +48,12 @@ export let groupOf = []; // by keypoint: its group's place in skeleton.groups, w
 /** @param {number} group */
 export const groupColor = (group) => COLORS[/** @type {Meaning} */ (known("skeleton").groups[group].name)];
 
+/** The keypoints of a picture. @param {PosterMap} map */
+export const pointsOf = (map) => (isView(map) && states.view_keypoints) || known("keypoints");
+
 /** Whether a keypoint of the frame on show has an attribute.
  * @param {"bad" | "edited" | "pinned" | "locked" | "deep" | "ignored"} attribute @param {number} joint */
-export const marked = (attribute, joint) => known("keypoints")[attribute].includes(joint);
+export const marked = (attribute, joint, points = known("keypoints")) => points[attribute].includes(joint);
 
 watch("skeleton", (skeleton) => {
   const groups = skeleton?.groups ?? [];
@@ -58,14 +63,17 @@ watch("skeleton", (skeleton) => {
 watch("selection", (selection) => {
   chosen.joints = new Set(selection?.joints);
   chosen.suggested = Boolean(selection?.suggested);
+  chosen.view = Boolean(selection?.view);
   invalidate("overlay");
 });
-watch("keypoints", (keypoints) => {
-  const { held } = chosen;
-  if (held?.left && (keypoints?.frame !== held.frame || arrived(held, keypoints))) chosen.held = null;
-  invalidate("overlay");
-});
-for (const name of /** @type {const} */ (["style", "layout", "side", "space", "bodies"]))
+for (const name of /** @type {const} */ (["keypoints", "view_keypoints"]))
+  watch(name, (points) => {
+    const { held } = chosen;
+    const here = held?.left && held.view === (name === "view_keypoints");
+    if (here && (states.keypoints?.frame !== held.frame || !points || arrived(held, points))) chosen.held = null;
+    invalidate("overlay");
+  });
+for (const name of /** @type {const} */ (["style", "layout", "side", "view", "space", "bodies"]))
   watch(name, () => invalidate("overlay"));
 
 /** Whether the server shows the held keypoints where they were left; it rounds to a hundredth of a pixel.
@@ -80,21 +88,23 @@ function arrived(held, keypoints) {
   });
 }
 
-/** Selects keypoints, at once and in the server. @param {number[]} joints @param {"replace" | "add" | "toggle"} how */
-export function select(joints, how) {
+/** Selects keypoints, at once and in the server.
+ * @param {number[]} joints @param {"replace" | "add" | "toggle"} how @param {boolean} view in another view's picture */
+export function select(joints, how, view) {
   chosen.suggested = false;
+  chosen.view = view;
   if (how === "replace") chosen.joints = new Set();
   for (const joint of joints)
     if (how === "toggle" && chosen.joints.has(joint)) chosen.joints.delete(joint);
     else chosen.joints.add(joint);
-  emit({ type: "select", joints, how });
+  emit({ type: "select", joints, how, view });
   invalidate("overlay");
 }
 
 /** In image pixels. @param {number} joint */
-export function position(joint) {
+export function position(joint, points = known("keypoints")) {
   const { held } = chosen;
-  if (!held?.joints.has(joint)) return known("keypoints").xy[joint];
+  if (!held?.joints.has(joint) || held.view !== (points === states.view_keypoints)) return points.xy[joint];
   const [x, y] = held.from[joint];
   return [x + held.dx, y + held.dy];
 }
@@ -104,23 +114,24 @@ export const groupShown = (joint) => known("style").groups.includes(known("skele
 
 /** Whether it is anywhere: undetected ones lie in the image's corner, and so do copies of them.
  * @param {number} joint */
-export function located(joint) {
-  const { confidence, xy } = known("keypoints");
-  return confidence[joint] > 0 || (marked("edited", joint) && xy[joint].some((pixels) => pixels !== 0));
+export function located(joint, points = known("keypoints")) {
+  const { confidence, xy } = points;
+  return confidence[joint] > 0 || (marked("edited", joint, points) && xy[joint].some((pixels) => pixels !== 0));
 }
 
 /** Whether it is drawn, and can be picked. An undetected one is while it alone is selected: it can then be dragged from
  * the corner to its place. @param {number} joint */
-export function shown(joint) {
+export function shown(joint, points = known("keypoints")) {
   if (!groupShown(joint)) return false;
-  if (chosen.joints.has(joint)) return chosen.joints.size === 1 || located(joint);
-  return known("style").points && known("keypoints").confidence[joint] > 0;
+  if (chosen.joints.has(joint)) return chosen.joints.size === 1 || located(joint, points);
+  return known("style").points && points.confidence[joint] > 0;
 }
 
 /** Whether there is all there is to draw. */
 export const skeletonReady = () => Boolean(states.layout && states.skeleton && states.style && states.keypoints);
 
-export const shownJoints = () => (skeletonReady() ? groupOf.map((_, joint) => joint).filter(shown) : []);
+/** @param {PosterMap} map */
+export const shownJoints = (map) => groupOf.map((_, joint) => joint).filter((joint) => shown(joint, pointsOf(map)));
 
 // --- on the screen ---
 
@@ -133,6 +144,13 @@ export const shownJoints = () => (skeletonReady() ? groupOf.map((_, joint) => jo
 export const isSide = (map) => map.poster.kind === "side";
 
 /** @param {PosterMap} map */
+const isView = (map) => map.poster.kind === "view";
+
+/** Whether keypoints are corrected there: in the clip's pictures and in another view's.
+ * @param {PosterMap} map */
+export const isFilmed = (map) => isPicture(map) || isView(map);
+
+/** @param {PosterMap} map */
 export const isPicture = (map) => map.poster.kind === "picture";
 
 /** @param {PosterMap} map */
@@ -142,9 +160,9 @@ export const isSpace = (map) => map.poster.kind === "space";
  * @param {PosterMap} map @param {number[]} joints @returns {Placed[]} */
 export function placesOf(map, joints) {
   if (map.poster.kind === "video") return [];
-  if (!isPicture(map)) return fitPlaces(map, joints);
+  if (!isFilmed(map)) return fitPlaces(map, joints);
   return joints.map((joint) => {
-    const [x, y] = toScreen(map, position(joint));
+    const [x, y] = toScreen(map, position(joint, pointsOf(map)));
     return { joint, x, y, body: 0 };
   });
 }
@@ -152,11 +170,11 @@ export function placesOf(map, joints) {
 /** The keypoints on show on a poster. @param {PosterMap} map @returns {Placed[]} */
 export function placedOn(map) {
   if (!skeletonReady()) return [];
-  const joints = groupOf.map((_, joint) => joint);
+  if (isFilmed(map)) return placesOf(map, shownJoints(map));
   const { points } = known("style");
   /** @param {number} joint */
   const seen = (joint) => groupShown(joint) && (points || chosen.joints.has(joint));
-  return placesOf(map, joints.filter(isPicture(map) ? shown : seen));
+  return placesOf(map, groupOf.map((_, joint) => joint).filter(seen));
 }
 
 const USUAL_HEIGHT = 700; // CSS pixels of a poster that fills a window

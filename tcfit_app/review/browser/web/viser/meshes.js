@@ -133,7 +133,7 @@ function cover(mesh, { front }) {
 /** After the picture behind it, and before the lines that it hides. @param {Mesh} mesh @param {Dress} dress */
 function empty(mesh, { nothing }) {
   mesh.userData.tcfitNothing = nothing;
-  mesh.renderOrder = 2;
+  mesh.renderOrder = nothing || mesh.userData.tcfitDark === undefined ? 2 : 0; // a picture is behind the bodies again
 }
 
 /** @param {Mesh} mesh @returns {Mesh} */

@@ -1,0 +1,135 @@
+"""Another view of the person: added, shown in step beside the picture, corrected there, and removed. No browser."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from fitting_core.body.model import BodyModel
+from fitting_core.body.points.positions import keypoints_in_space
+from fitting_core.camera import Camera, project
+from fitting_core.clip import OtherView
+from fitting_core.errors import InputError
+from fitting_core.keypoints import COUNT, INDEX, Keypoints
+from fitting_core.relation import Relation
+from tcfit_app.analysis.view_scale import scale_of
+from tcfit_app.review.browser.page_events import Drag, Hello, Key, Select
+from tcfit_app.review.panels.correct.correct_panel import CorrectPanel
+from tcfit_app.review.scene.other_view import other_camera
+from tcfit_app.review.scene.poster import relief, world_of_pixels
+from tests.drivers.lone_page import LonePage
+from tests.samples.scenes import arms_in_motion, clip_of
+from tests.samples.sessions import FRAMES
+
+TURN = Rotation.from_euler("y", 70, degrees=True).as_matrix()
+SHIFT = np.array([-2.6, 0.1, 1.9])
+CAMERA = Camera(focal=(700.0, 710.0), center=(330.0, 240.0), size=(640, 480))
+LATER = 2
+"""Frames by which the other clip starts later than the first."""
+WRIST = INDEX["right_wrist"]
+
+
+def second_view(body: BodyModel) -> OtherView:
+    """The small clip's person as another camera has them, at twice the frame rate: each frame twice."""
+    points, exists = keypoints_in_space(body, arms_in_motion(FRAMES))
+    there = torch.as_tensor(np.nan_to_num(points) @ TURN.T + SHIFT)
+    xy = project(CAMERA, there).numpy()[LATER:].repeat(2, axis=0)
+    confidence = np.where(exists, 0.9, 0.0) * np.ones((len(xy), COUNT))
+    clip = replace(clip_of(Keypoints(xy=xy, confidence=confidence), CAMERA), name="kitchen", frame_rate=50.0)
+    a, b, c = (tuple(row) for row in TURN.tolist())
+    x, y, z = SHIFT.tolist()
+    relation = Relation(
+        rotation=(a, b, c),
+        translation=(x, y, z),
+        offset=-LATER / 25,
+        rotation_deviation=2.0,
+        direction_deviation=1.0,
+        offset_deviation=0.01,
+        disagreement=0.004,
+        overlap=(FRAMES - LATER) / 25,
+        vertical_off=1.0,
+    )
+    return OtherView(clip=clip, relation=relation)
+
+
+@pytest.fixture
+def tested(fitted_page: LonePage) -> LonePage:
+    """A page of a project of the tiny body, with a fit."""
+    fitted_page.only(CorrectPanel)
+    fitted_page.page.receive(Hello("me", 1000, 700))
+    return fitted_page
+
+
+def heard(tested: LonePage) -> dict[str, Any]:
+    """What the page has been told, after it has drawn once more."""
+    page = tested.page
+    page.tab.look()
+    assert page.picture.draw()
+    return page.tab.channel._sent
+
+
+def kinds(tested: LonePage) -> list[str]:
+    return [poster.kind for poster in heard(tested)["layout"].posters]
+
+
+def key(tested: LonePage, action: str) -> None:
+    tested.page.receive(Key(action=action, repeat=False))
+
+
+def test_a_view_is_shown_in_step_corrected_and_removed(tested: LonePage, tiny_body: BodyModel):
+    tab, made = tested.page.tab, second_view(tiny_body)
+    project = tab.session.project
+    assert kinds(tested) == ["picture", "side"]
+    tab.set(side_from=project.add_view(made).id)
+
+    (view,) = project.views
+    assert tab.state.side_from == view.id and kinds(tested) == ["picture", "view"]
+    assert project.clip.views[0].relation == made.relation, "the next fit takes it"
+    told_now = heard(tested)
+    assert told_now["view"].image == CAMERA.size and told_now["layout"].posters[1].label.endswith("moment")
+    assert not any(told_now["view_keypoints"].confidence), "the other clip begins later"
+    for frame in (LATER, LATER + 3):
+        tab.seek(frame)
+        points = heard(tested)["view_keypoints"]
+        assert points.frame == 2 * (frame - LATER)
+        assert np.allclose(points.xy, made.clip.keypoints.xy[points.frame], atol=0.01)
+
+    before, own = view.corrected.records.tobytes(), project.corrected.records.tobytes()
+    tested.page.receive(Select((WRIST,), "replace", view=True))
+    for phase in ("start", "move", "end"):
+        tested.page.receive(Drag(phase, (WRIST,), 5.0, -3.0, LATER + 3, view=True))
+    points = heard(tested)["view_keypoints"]
+    assert np.allclose(points.xy[WRIST], made.clip.keypoints.xy[6, WRIST] + (5.0, -3.0), atol=0.01)
+    assert points.edited == (WRIST,) and "in kitchen" in tested.html()
+    key(tested, "bad")
+    assert heard(tested)["view_keypoints"].bad == (WRIST,)
+    with pytest.raises(InputError, match="kitchen can be dragged"):
+        key(tested, "interpolate")
+    assert project.corrected.records.tobytes() == own, "the first clip's keypoints are as they were"
+    key(tested, "undo")
+    key(tested, "undo")
+    (view,) = project.views
+    assert view.corrected.records.tobytes() == before
+
+    tab.session.edit(project.removal_of_view(view.id), author=tab.author)
+    assert not project.views and not project.clip.views and kinds(tested) == ["picture", "side"]
+    key(tested, "undo")
+    assert [one.id for one in project.views] == [view.id] and kinds(tested) == ["picture", "view"]
+    key(tested, "turn_side")
+    assert kinds(tested) == ["picture", "side"], "the side view is the next"
+
+
+def test_the_body_is_drawn_where_the_other_camera_has_it(tiny_body: BodyModel):
+    view = second_view(tiny_body)
+    points = keypoints_in_space(tiny_body, arms_in_motion(FRAMES))[0][:, :25]
+    for size in (1.0, 1.25):  # a person of another height, as far away as that makes them
+        scale = scale_of(view, size * points, np.arange(FRAMES) / 25)
+        assert scale == pytest.approx(size, abs=1e-6)
+        camera = other_camera(view, scale)
+        known = np.isfinite(points[LATER]).all(-1)
+        (drawn,) = relief([camera.seen(size * points[LATER][known])], CAMERA)
+        expected = world_of_pixels(view.clip.keypoints.xy[0, :25][known], CAMERA.size)
+        assert drawn[:, :2] == pytest.approx(expected, abs=1e-4)
