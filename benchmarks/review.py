@@ -7,6 +7,7 @@ own: from the key or pointer event to that moment.
 """
 
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -97,7 +98,7 @@ class Review:
     project: Path
     """A project with a finished fit; it is copied."""
     openings: int = 5
-    """How often the app is started for the first figure."""
+    """How often the app is started for the first figure, and once before."""
     seeks: int = 40
     moves: int = 40
     keypoint: str = "right_wrist"
@@ -125,7 +126,7 @@ def served(project: Path) -> Iterator[tuple[str, float]]:
                 raise InputError(f"tcfit review ended with {process.wait()}; its messages stand above.")
             yield link.removeprefix("Review:").strip(), begun
         finally:
-            process.terminate()
+            process.send_signal(signal.SIGINT)  # as Ctrl-C: it leaves what the next opening shows first
 
 
 def seeks(page: "Page", count: int) -> tuple[list[float], list[float]]:
@@ -241,6 +242,7 @@ def opening(browser: "Browser", project: Path, window: tuple[int, int]) -> float
     with served(project) as (link, begun):
         first_frame(page, link)
         took = 1e3 * (time.perf_counter() - begun)
+        page.wait_for_selector("html.tcfit-ready", state="attached", timeout=60_000)
     page.close()
     return took
 
@@ -277,7 +279,7 @@ def run(options: Review) -> None:
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
         project = Path(shutil.copytree(options.project, Path(folder) / "copy.tcfit"))
-        opened = [opening(browser, project, options.window) for _ in range(options.openings)]
+        _, *opened = [opening(browser, project, options.window) for _ in range(1 + options.openings)]
         rows.append(summary("from the command to the first frame and its body", opened, "5000"))
         progress("opened")
         for number, video in enumerate(options.videos):

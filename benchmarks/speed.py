@@ -148,6 +148,7 @@ def _works(options: Speed, folder: Path) -> Iterator[Callable[[], Stages]]:
         yield lambda: from_video(folder, options)
     if "start" in options.parts and options.project is not None:
         project = Path(shutil.copytree(options.project, folder / "copy.tcfit"))
+        list(opened(project))  # the first time it has no stored body
         yield lambda: opened(project)
 
 

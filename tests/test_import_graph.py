@@ -185,7 +185,8 @@ def test_reading_and_writing_estimates_nothing():
 
 def loaded_by(module: str) -> set[str]:
     """Which of the packages that take long a module loads, in a new process."""
-    code = f"import sys, {module}; print(*{{'numpy', 'torch', 'viser', 'pyrender', 'scipy.stats'}} & set(sys.modules))"
+    slow = {"numpy", "torch", "viser", "pyrender", "scipy", "scipy.stats"}
+    code = f"import sys, {module}; print(*{slow} & set(sys.modules))"
     out = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     return set(out.stdout.split())
 
@@ -204,5 +205,9 @@ def test_a_review_serves_its_page_before_torch_is_loaded():
     assert loaded_by("tcfit_app.cli.review_command") == {"numpy", "viser"}
 
 
+def test_the_first_picture_is_drawn_before_torch_is_loaded():
+    assert loaded_by("tcfit_app.review.early_tabs") == {"numpy", "viser"}
+
+
 def test_an_app_that_draws_has_not_loaded_what_only_some_fits_need():
-    assert loaded_by("tcfit_app.review.app") == {"numpy", "torch", "viser"}
+    assert loaded_by("tcfit_app.review.app") == {"numpy", "torch", "viser", "scipy"}

@@ -1,6 +1,6 @@
 """`tcfit review`: open a project, or make one of a clip, and show it in the browser.
 
-torch and what needs it are imported late: they take two seconds, in which the browser loads its page.
+Whatever the server of the page does not need is imported while the browser loads the page: torch takes two seconds.
 """
 
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -10,17 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from fitting_core.body.files.reading import load_body
-from fitting_core.body.model import BodyModel
 from fitting_core.clips.options import ClipOptions
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.detect.detectors import DETECTORS
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
-from fitting_core.io.people_file import holds_people, read_people_file
-from fitting_core.video.images import image_files
-from tcfit_app.home.catalogue import project_beside
-from tcfit_app.home.found import PROJECT_SUFFIX, as_result, find
 from tcfit_app.options.fit import NO_KEYPOINTS, ReferenceOptions, ReviewOptions, ServerOptions, height_of
 from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.run_record import newest_body
@@ -31,8 +25,10 @@ from tcfit_app.server.gated_viser import TalkingSite
 from tcfit_app.server.serving import ReviewServer, review_server, tell
 
 if TYPE_CHECKING:
+    from fitting_core.body.model import BodyModel
     from tcfit_app.project.people import OpenPeople
     from tcfit_app.project.project import Project
+    from tcfit_app.review.early_tabs import EarlyTabs
     from tcfit_app.review.session.session import Session
 
 
@@ -43,11 +39,19 @@ def run_review(options: ReviewOptions) -> None:
     entry_of(options.server)  # report errors before a project is made
     if options.video is None and options.keypoints is None:
         raise InputError("Nothing to review; expected a project, a video, keypoints or a folder of clips.")
-    if options.video is not None and options.video.suffix == PROJECT_SUFFIX and not options.video.exists():
-        raise InputError(f"{options.video} does not exist; expected a project's folder.")
-    options = replace(options, video=_of_result(options.video))
     fit = PRESETS[DEFAULT_PRESET] if options.fit else None
     find = None if options.keypoints == NO_KEYPOINTS else options.clip
+    if options.video is not None and is_project(options.video):
+        _review_project(options, options.video, fit, find)
+        return
+    from fitting_core.io.people_file import holds_people, read_people_file
+    from tcfit_app.home.found import PROJECT_SUFFIX
+
+    if options.video is not None and options.video.suffix == PROJECT_SUFFIX and not options.video.exists():
+        raise InputError(f"{options.video} does not exist; expected a project's folder.")
+    if (made := _of_result(options.video)) is not None:
+        _review_project(options, made, fit, find)
+        return
     if options.video is not None and is_list(options):
         _review_many(options)
         return
@@ -58,24 +62,31 @@ def run_review(options: ReviewOptions) -> None:
                 project = people.chosen(options.clip.person)
                 _review(project, server, options.server, models=options.models, fit=fit, people=people)
         return
-    if options.video is not None and is_project(options.video):
-        with _served(options.video.stem, options.server) as server:
-            body = body_ahead(options.video)
-            load_app()
-            with opened(options) as project:
-                _take(project, options)
-                _review(project, server, options.server, models=options.models, fit=fit, body=body, find=find)
-        return
     with opened(options) as project:
         _take(project, options)
         review(project, options.server, models=options.models, fit=fit, find=find)
 
 
+def _review_project(options: ReviewOptions, folder: Path, fit: FitConfig | None, find: ClipOptions | None) -> None:
+    options = replace(options, video=folder)
+    with _served(folder.stem, options.server) as server:
+        from tcfit_app.review.early_tabs import EarlyTabs
+
+        early, body = EarlyTabs(server.viser, folder), body_ahead(folder)
+        load_app()
+        with opened(options) as project:
+            _take(project, options)
+            _review(project, server, options.server, models=options.models, fit=fit, body=body, find=find, early=early)
+
+
 def _of_result(path: Path | None) -> Path | None:
-    """Replace a result's folder by that of its project, which is made beside it if missing."""
-    clip = None if path is None or is_project(path) else as_result(path.resolve())
+    """The project of a result's folder, which is made beside it if missing; None for anything else."""
+    from tcfit_app.home.catalogue import project_beside
+    from tcfit_app.home.found import as_result
+
+    clip = None if path is None else as_result(path.resolve())
     if clip is None:
-        return path
+        return None
     if (known := project_beside(clip)) is None:
         from tcfit_app.home.fitting import make_project
 
@@ -112,6 +123,10 @@ def check_folders(options: ServerOptions, *, models: Path | None = None) -> None
 
 def is_list(options: ReviewOptions) -> bool:
     """Whether the path is a folder of clips, or an empty one for clips, and not a clip itself."""
+    from fitting_core.io.people_file import holds_people
+    from fitting_core.video.images import image_files
+    from tcfit_app.home.found import find
+
     folder = options.video
     if folder is None or options.keypoints is not None or not folder.is_dir():
         return False
@@ -202,10 +217,11 @@ def _review(
     *,
     models: Path | None,
     fit: FitConfig | None,
-    body: Future[BodyModel | None] | None = None,
+    body: "Future[BodyModel | None] | None" = None,
     people: "OpenPeople | None" = None,
     find: ClipOptions | None = None,
     plays: bool = False,
+    early: "EarlyTabs | None" = None,
 ) -> None:
     load_app()
     from tcfit_app.fitting.bodies import Bodies
@@ -217,7 +233,9 @@ def _review(
     bodies = Bodies(models, body)
     sessions = [Session(one, bodies) for one in ([project] if people is None else [one for _, one in people.projects])]
     session = next(one for one in sessions if one.project is project)
-    app = ReviewApp(session, server.viser, files=options.files, people=people, sessions=sessions, plays=plays)
+    app = ReviewApp(
+        session, server.viser, files=options.files, people=people, sessions=sessions, plays=plays, early=early
+    )
     try:
         for one in sessions:
             if fit is not None and (why_not := _begun(one, fit, find)):
@@ -294,7 +312,7 @@ def _people(options: ReviewOptions) -> AbstractContextManager["OpenPeople"]:
 # --- reading ahead while torch is loaded, which keeps one core busy for two seconds ---
 
 
-def body_ahead(project: Path) -> Future[BodyModel | None]:
+def body_ahead(project: Path) -> "Future[BodyModel | None]":
     """The body of a project's newest run, read by a thread; None if it is missing or cannot be read.
 
     Its user then reads it again and reports the error.
@@ -306,7 +324,9 @@ def body_ahead(project: Path) -> Future[BodyModel | None]:
         pool.shutdown(wait=False)
 
 
-def _newest_body(project: Path) -> BodyModel | None:
+def _newest_body(project: Path) -> "BodyModel | None":
+    from fitting_core.body.files.reading import load_body
+
     try:
         with closing(Database(project / NAME, read_only=True)) as database:
             source = newest_body(database)

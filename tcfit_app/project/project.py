@@ -13,6 +13,7 @@ changed once there are any |
 | reference.npz | the reference that fits are compared with, if any |
 | handshapes.toml | the user's own set of handshapes, if any |
 | media/ | the videos or images, if they were copied; otherwise the database has their paths |
+| opening.npz | the body that the project opens with (`storage/opening_body.py`) |
 | project.lock | held by the writing process |
 
 When a method that changes something returns, the change is on disk. After a crash, the project opens as if it had been
@@ -77,6 +78,7 @@ from tcfit_app.project.storage.lock import ProjectLock
 from tcfit_app.project.storage.marks import MarkStore
 from tcfit_app.project.storage.media import Media, MediaLink
 from tcfit_app.project.storage.names import name_of_file
+from tcfit_app.project.storage.opening_body import OpeningBody, write_opening_body
 from tcfit_app.project.storage.reference import store_reference, stored_reference
 from tcfit_app.project.storage.runs import Runs
 from tcfit_app.project.storage.view_media import store_view_link, view_links
@@ -205,6 +207,10 @@ class Project:
         """Tell other processes who works on it."""
         if self._lock is not None:
             self._lock.tell(names)
+
+    def keep_opening_body(self, body: OpeningBody) -> None:
+        """Store what the project opens with. Raises InputError if it cannot be written."""
+        write_opening_body(self.folder, self._database, body)
 
     @property
     def detections(self) -> Keypoints:

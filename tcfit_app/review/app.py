@@ -19,6 +19,7 @@ from tcfit_app.project.people import OpenPeople
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.clip_review import Worst
 from tcfit_app.review.browser.page_events import Hello, PageEvent
+from tcfit_app.review.early_tabs import EarlyTabs
 from tcfit_app.review.page import REST, Faults, Page
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.drawing_data import DrawingData
@@ -56,6 +57,7 @@ class ReviewApp:
         sessions: theirs, in the same order.
         listen: to all of the server's tabs; otherwise the server of several apps calls `connected` and `disconnected`.
         plays: new tabs open with the clip playing.
+        early: has served tabs until now.
     """
 
     def __init__(
@@ -68,6 +70,7 @@ class ReviewApp:
         sessions: Sequence[Session] = (),
         listen: bool = True,
         plays: bool = False,
+        early: EarlyTabs | None = None,
     ) -> None:
         self.session, self._server, self._files, self._plays = session, server, files, plays
         self._commands: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
@@ -93,6 +96,7 @@ class ReviewApp:
             someone.session.tell = partial(self._tell, someone)
             someone.session.tasks.arrived = someone.session.worker.arrived = self._wake
         self._keeping = Keeping()
+        self._early = {} if early is None else early.end()
         if listen:
             server.on_client_connect(self.connected)
             server.on_client_disconnect(self.disconnected)
@@ -137,6 +141,7 @@ class ReviewApp:
 
     def _open(self, client: viser.ClientHandle) -> None:
         number = client.client_id
+        early = self._early.pop(number, None)
         whose = visitor(self._server, number)
         tab = Tab(
             client,
@@ -145,12 +150,15 @@ class ReviewApp:
             receive=partial(self._receive, number),
             files=PageFiles(here=whose.here, root=self._files),
             visitor=whose,
+            early=early,
         )
         tab.plays = self._plays
         tab.go_to = partial(self._go_to, number)
         tab.authors = lambda: [page.tab.author for page in self.pages.values()]
         self.pages[number] = Page(tab)
         self._pages[number] = {self._first.number: self.pages[number]}
+        if early is not None:
+            early.hand_over(partial(self._receive, number))
 
     def _go_to(self, client: int, someone: ReviewedPerson) -> None:
         """Show someone else in a tab."""
@@ -232,6 +240,8 @@ class ReviewApp:
         for someone in self.people:
             someone.session.close()
         for someone in self.people:
+            with suppress(InputError):  # the next opening takes longer
+                keep_opening_body(someone.data)
             someone.data.close()
 
     def _patience(self) -> float:
@@ -260,6 +270,13 @@ class ReviewApp:
             command()
         except Exception:
             _log.exception("The review app could not do what was asked")
+
+
+def keep_opening_body(data: DrawingData) -> None:
+    """Store the body that a project opens with. Raises InputError if it cannot be posed or written."""
+    project = data.session.project
+    if not project.read_only and (body := data.opening_body()) is not None:
+        project.keep_opening_body(body)
 
 
 class Keeping:

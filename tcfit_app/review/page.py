@@ -271,7 +271,7 @@ class Page:
         else is drawn when something else has changed, and every REST seconds. An error in one part is shown in the tab
         once, and the other parts are drawn all the same.
         """
-        if not self.tab.ready:
+        if not self.tab.ready or (self.tab.drawn_early and self.tab.data.warming):
             return
         self.tab.channel.send("beat", Beat(milliseconds=round(1e3 * _BEAT), number=int(now // _BEAT)))
         if self.tab.state.playing and not self.tab.advance(now):

@@ -16,10 +16,9 @@ from fitting_core.camera import Camera
 from fitting_core.render.rasterize import rasterize
 from tcfit_app.review.browser.channel import Channel, web_files
 from tcfit_app.review.browser.page_states import Layout
-from tcfit_app.review.drawing.picture import poster_layout
 from tcfit_app.review.scene.layers import RGB, BodyLayer, FrameImage
 from tcfit_app.review.scene.poses import Pose, Rectangle, Window
-from tcfit_app.review.scene.poster import Posters
+from tcfit_app.review.scene.poster import Posters, poster_layout
 from tcfit_app.review.scene.scene import SceneView
 from tcfit_app.review.scene.space import Space
 from tcfit_app.server.serving import review_server

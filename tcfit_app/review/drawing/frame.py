@@ -25,7 +25,7 @@ from tcfit_app.review.scene.layers import (
     FrameImage,
 )
 from tcfit_app.review.scene.other_view import OtherCamera, other_camera
-from tcfit_app.review.scene.room import Room
+from tcfit_app.review.scene.room import UNKNOWN, Room
 from tcfit_app.review.scene.side_view import SideView, side_view
 from tcfit_app.review.scene.space import Rings
 from tcfit_app.review.scene.windows import Arrangement
@@ -41,8 +41,6 @@ _AHEAD = 24
 Vertices = Float32[np.ndarray, "V 3"]
 Present = Bool[np.ndarray, "137"] | None
 _OTHER: dict[Slot, Slot] = {"a": "b", "b": "a"}
-_UNKNOWN = Room(turn=np.eye(3), floor=1.0, boxes=np.array([[(-1.0, -1.0, 2.0), (1.0, 1.0, 4.0)]]))
-"""While the side view is empty."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -260,7 +258,7 @@ class Frames:
         if not state.side or state.mode == "space" or fit is None:
             return None
         camera, frame = fit.camera, shown.frame
-        tab, room, direction, width = self._tab, self._room or _UNKNOWN, self._tab.direction, self._tab.side_width
+        tab, room, direction, width = self._tab, self._room or UNKNOWN, self._tab.direction, self._tab.side_width
         key = room, camera, direction, width
         view = tab.once("side view", key, lambda: side_view(room, camera, direction, width))
         return tab.once("side view of the frame", (view, frame), lambda: view.before(camera, frame))

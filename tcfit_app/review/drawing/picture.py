@@ -9,7 +9,6 @@ from fitting_core.results.error_bars import JOINTS
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser.page_states import (
     Bodies,
-    Color,
     FitBody,
     Layout,
     SidePlate,
@@ -23,9 +22,7 @@ from tcfit_app.review.browser.page_states import Space as SpaceState
 from tcfit_app.review.drawing.frame import Frame, Frames
 from tcfit_app.review.drawing.overlays import draw_overlays, draw_view
 from tcfit_app.review.scene.layers import BodyLayer
-from tcfit_app.review.scene.other_view import OtherCamera
-from tcfit_app.review.scene.poses import Window
-from tcfit_app.review.scene.poster import PICTURE_NODES, SIDE_NODE, Poster, Posters, SidePoster
+from tcfit_app.review.scene.poster import Poster, Posters, SidePoster, poster_layout
 from tcfit_app.review.scene.room import Room
 from tcfit_app.review.scene.side_view import DIRECTION_TEXTS, SideView
 from tcfit_app.review.scene.space import Rings, Space
@@ -199,30 +196,3 @@ def error_bars_of(fit: Shown, frame: int) -> tuple[tuple[float, float] | None, .
         return ()
     bars = [(round(float(along), 4), round(float(across), 4)) for along, across in known.joints[frame]]
     return tuple(None if joint is None else bars[joint] for joint in _JOINTS)
-
-
-def poster_layout(
-    snapshot: Posters, named: tuple[tuple[str, Color | None], ...], canvas: Window, *, clipped: bool
-) -> Layout:
-    """The positions and labels of the posters."""
-    division = snapshot.divide(canvas)
-    pictures, beside = len(snapshot.posters), "side"
-    if snapshot.side is not None and isinstance(snapshot.side.view, OtherCamera):
-        beside = "view"
-    nodes = (*PICTURE_NODES[:pictures], SIDE_NODE)
-    posters = tuple(
-        PosterPlace(
-            node=node,
-            window=(left / canvas.width, top / canvas.height, right / canvas.width, bottom / canvas.height),
-            width=snapshot.width if snapshot.side is None or i < pictures else snapshot.side.view.width,
-            kind=beside if i >= pictures else "video" if snapshot.posters[i].plain else "picture",
-            clipped=clipped or i >= pictures,
-            label=label,
-            color=color,
-        )
-        for i, (node, (left, top, right, bottom), (label, color)) in enumerate(
-            zip(nodes, division.windows, named, strict=False)
-        )
-    )
-    wipe = pictures == 2 and division.arrangement == "wipe"
-    return Layout(mode="poster", image=snapshot.camera.size, posters=posters, wipe=wipe)

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 Vector = tuple[float, float, float]
 Rectangle = tuple[float, float, float, float]
@@ -119,6 +118,8 @@ def clear_pose(pose: Pose, obstacles: Float[np.ndarray, "n 3"]) -> Pose:
         pose: Looks at a point on or in a body.
         obstacles: Vertices of bodies.
     """
+    from scipy.spatial.transform import Rotation  # the first picture does not wait for it
+
     target, away = np.array(pose.look_at), np.subtract(pose.position, pose.look_at)
     turns = [
         Rotation.from_euler("yx", (yaw, pitch), degrees=True)

@@ -16,6 +16,8 @@ import viser
 from jaxtyping import Float
 
 from fitting_core.camera import Camera
+from tcfit_app.review.browser.page_states import Color, Layout
+from tcfit_app.review.browser.page_states import Poster as PosterPlace
 from tcfit_app.review.scene.layers import MOST_OTHERS, NEAREST, BodyLayer, FrameImage
 from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
 from tcfit_app.review.scene.other_view import OtherCamera
@@ -126,6 +128,33 @@ def relief(
         flat = np.clip(world_of_pixels(pixels, camera.size), -_FAR_OUT, _FAR_OUT)
         out.append(np.hstack([flat, scale * np.log(depth / furthest)]).astype(np.float32))
     return out
+
+
+def poster_layout(
+    snapshot: Posters, named: tuple[tuple[str, Color | None], ...], canvas: Window, *, clipped: bool
+) -> Layout:
+    """The positions and labels of the posters."""
+    division = snapshot.divide(canvas)
+    pictures, beside = len(snapshot.posters), "side"
+    if snapshot.side is not None and isinstance(snapshot.side.view, OtherCamera):
+        beside = "view"
+    nodes = (*PICTURE_NODES[:pictures], SIDE_NODE)
+    posters = tuple(
+        PosterPlace(
+            node=node,
+            window=(left / canvas.width, top / canvas.height, right / canvas.width, bottom / canvas.height),
+            width=snapshot.width if snapshot.side is None or i < pictures else snapshot.side.view.width,
+            kind=beside if i >= pictures else "video" if snapshot.posters[i].plain else "picture",
+            clipped=clipped or i >= pictures,
+            label=label,
+            color=color,
+        )
+        for i, (node, (left, top, right, bottom), (label, color)) in enumerate(
+            zip(nodes, division.windows, named, strict=False)
+        )
+    )
+    wipe = pictures == 2 and division.arrangement == "wipe"
+    return Layout(mode="poster", image=snapshot.camera.size, posters=posters, wipe=wipe)
 
 
 class PosterNodes:

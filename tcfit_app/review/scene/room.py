@@ -5,12 +5,15 @@ metres. A moving camera is there in the clip's first frame.
 """
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from fitting_core.camera import Camera
-from fitting_core.ground.level import Level
+
+if TYPE_CHECKING:
+    from fitting_core.ground.level import Level
 
 _STRAY = 2.0
 """Percentage of frames that need not be in view."""
@@ -45,7 +48,11 @@ class Room:
         return extent(self.boxes)
 
 
-def room_around(vertices: Float[np.ndarray, "T V 3"], level: Level | None) -> Room:
+UNKNOWN = Room(turn=np.eye(3), floor=1.0, boxes=np.array([[(-1.0, -1.0, 2.0), (1.0, 1.0, 4.0)]]))
+"""While the side view is empty."""
+
+
+def room_around(vertices: Float[np.ndarray, "T V 3"], level: "Level | None") -> Room:
     """The room of a body.
 
     Args:

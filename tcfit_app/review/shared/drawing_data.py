@@ -28,13 +28,14 @@ from tcfit_app.analysis.run_metrics import (
     reference_metrics,
     run_metrics,
 )
-from tcfit_app.analysis.seen import evident
+from tcfit_app.analysis.seen import evident, seen_joints
 from tcfit_app.analysis.suspicion import ReviewQueue, Suspect, findings, review_queue, still_checked, worst_place
 from tcfit_app.analysis.view_scale import scale_of
 from tcfit_app.fitting.edit_follower import LiveWindow
-from tcfit_app.fitting.fits import FitChoice, Shown, own_phases
+from tcfit_app.fitting.fits import FitChoice, Fits, Shown, own_phases
 from tcfit_app.project.glance import off_by_part
 from tcfit_app.project.storage.clip_review import Worst
+from tcfit_app.project.storage.opening_body import OpeningBody
 from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.scene.room import Room, room_around
 from tcfit_app.review.session.session import Session
@@ -159,6 +160,24 @@ class DrawingData:
     def vertices(self, body: FrameBody) -> Float32[np.ndarray, "V 3"]:
         """Camera space, metres; the same array for the same body. Raises InputError without its body model."""
         return self.meshes(body.shown).vertices(body.version, *body.window)
+
+    def opening_body(self) -> OpeningBody | None:
+        """What the project opens with the next time, if nothing changes any more; None without a fit on show. Raises
+        InputError if the fit or its body model cannot be read."""
+        project, fits = self.session.project, Fits(self.session.project)
+        run = fits.meant(FitChoice())
+        shown = fits.show(FitChoice()) if run is not None and self.session.fits.held(run) else None
+        if shown is None or shown.result is None or not shown.has(0):
+            return None
+        present, meshes = self.present(0), self.meshes(shown)
+        return OpeningBody(
+            run=shown.run.id,
+            vertices=meshes.batch(shown.params[[0]])[0],
+            faces=meshes.faces,
+            opacities=None if present is None else meshes.opacities(seen_joints(present)),
+            camera=project.footage.camera,
+            fit_camera=shown.camera,
+        )
 
     def posed(self, shown: Shown) -> Callable[[], PosedFit]:
         """A function that poses a run together with the current keypoints, for another thread. Raises InputError if the

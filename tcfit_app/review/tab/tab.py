@@ -17,6 +17,7 @@ from tcfit_app.project.storage.clip_review import BROWSER
 from tcfit_app.review.browser.channel import Channel
 from tcfit_app.review.browser.page_events import Hello, PageEvent
 from tcfit_app.review.browser.page_states import ShowPanel
+from tcfit_app.review.early_tabs import EarlyTab
 from tcfit_app.review.scene.scene import SceneView
 from tcfit_app.review.scene.side_view import Direction, usual_width
 from tcfit_app.review.scene.windows import Arrangement, divide
@@ -48,6 +49,7 @@ class Tab:
         receive: Passes an event on to the page of the person on show, on the drawing thread.
         files: The files on this computer that the page may name.
         visitor: The page's user, as the gate knows them.
+        early: What was made for it while the app was being loaded.
     """
 
     def __init__(
@@ -59,10 +61,13 @@ class Tab:
         receive: Callable[[PageEvent], None],
         files: PageFiles,
         visitor: Visitor = NO_ONE,
+        early: EarlyTab | None = None,
     ) -> None:
         self.client, self.files, self.receive, self._do = client, files, receive, do
-        self.channel = Channel(client, receive, timeline=True)
-        self.scene = SceneView(client)
+        self.channel = Channel(client, receive, timeline=True) if early is None else early.channel
+        self.scene = SceneView(client) if early is None else early.scene
+        self.drawn_early = early is not None and early.drawn
+        """Its picture was drawn before this was made."""
         self._noticed: tuple[Notice | None, float] = None, 0.0
         """The last notice, and when it was shown."""
         self.reviewer = visitor.reviewer
