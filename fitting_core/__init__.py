@@ -32,6 +32,7 @@ if TYPE_CHECKING:  # the table of public names, which `lazy_names` reads
     from fitting_core.clips.demo import demo_clip as demo_clip
     from fitting_core.clips.options import CameraOptions as CameraOptions
     from fitting_core.clips.options import ClipOptions as ClipOptions
+    from fitting_core.clips.other_views import read_view as read_view
     from fitting_core.clips.people import read_people as read_people
     from fitting_core.clips.reading import read_clip as read_clip
     from fitting_core.clips.reading import read_keypoints as read_keypoints

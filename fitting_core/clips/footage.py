@@ -47,12 +47,7 @@ class Footage:
                     f"{frames.count} can be decoded; these are used."
                 )
             if frames.uneven:
-                says = f" (its header states {frames.declared_frame_rate:.4g})" if frames.declared_frame_rate else ""
-                notes.append(
-                    f"The frames of {path.name} are not evenly spaced in time, but are taken as if they were: "
-                    f"{frames.frame_rate:.4g} per second on average{says}. Re-encode it at a constant frame rate if "
-                    "motion looks jerky, and detect the keypoints on the result."
-                )
+                notes.append(uneven_note(frames))
             if abs(frames.pixel_aspect - 1) > _SQUARE:
                 notes.append(_pixel_note(path, frames.pixel_aspect))
             timeline = Timeline(numbers=range(frames.count), stems=frames.stems, source=path)
@@ -92,6 +87,16 @@ class Footage:
             says = "the video" if self.frame_rate else "the keypoint file"
             return option, (f"The frame rate is {option:g} as given; {says} says {known:g}.",)
         return option, ()
+
+
+def uneven_note(frames: FrameSource) -> str:
+    """The note on a video whose frames are unevenly spaced in time."""
+    says = f" (its header states {frames.declared_frame_rate:.4g})" if frames.declared_frame_rate else ""
+    return (
+        f"The frames of {frames.path.name} are not evenly spaced in time, but are taken as if they were: "
+        f"{frames.frame_rate:.4g} per second on average{says}. Re-encode it at a constant frame rate if motion looks "
+        "jerky, and detect the keypoints on the result."
+    )
 
 
 def check_memory(path: Path, frames: int) -> None:

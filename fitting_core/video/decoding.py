@@ -216,6 +216,7 @@ class VideoFile:
         self.declared_count = max(self.count, header_count) if self._early else self.count
         times = self._times[: self.count] * float(self._stream.time_base or 0)
         self.uneven = _uneven(times)
+        self.times = times - times[0] if self.uneven else None
         self.frame_rate = (len(times) - 1) / float(times[-1] - times[0]) if self.uneven else self.declared_frame_rate
 
     def read(self, index: int) -> np.ndarray | None:

@@ -66,6 +66,8 @@ class FrameSource:
         """Frames per second of the file's header: far off in some files with uneven frames."""
         self.uneven = self._decoder.uneven
         """Whether the times between frames differ by more than half, as in many videos from phones."""
+        self.times = self._decoder.times
+        """Of uneven frames, seconds from the first."""
         self.pixel_aspect = self._decoder.pixel_aspect
         """Width by height of a pixel of the upright image, as the file tells it: not 1 in anamorphic videos."""
         self.stems: tuple[str, ...] | None = self._decoder.stems

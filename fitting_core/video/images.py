@@ -60,6 +60,7 @@ class Images:
     frame_rate: float | None = None
     declared_frame_rate: float | None = None
     uneven: bool = False
+    times: None = None
     pixel_aspect: float = 1.0
 
     def __init__(self, path: Path) -> None:

@@ -29,7 +29,7 @@ from tcfit_app.exports.motions import write_together
 from tcfit_app.exports.pictures import write_comparison
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.imports.given import read_shape, start_of
-from tcfit_app.options.clip_input import all_people_of, clip_of, described, notes_of
+from tcfit_app.options.clip_input import all_people_of, clip_of, described, notes_of, with_views
 from tcfit_app.options.fit import FitOptions, StartOptions, fit_config
 from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver
 
@@ -57,7 +57,7 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
     body = prepared_body(options, config)
     shape = None if options.shape is None else read_shape(options.shape, body)
     with DetectionShown() as tell_progress:
-        clip = clip_of(options, tell_progress)
+        clip = with_views(clip_of(options, tell_progress), options, tell_progress)
     start = start_of(options.begin, clip, body, Bodies(options.body.models))
     compile_kernels(config)
     return fit_into(options.out, clip, body, config, options, start=start, shape=shape, command=command)
@@ -97,7 +97,7 @@ def fit_into(
     run = partial(fit_clip, clip, body, config, start=start, shape=shape)
     last = config.last_phase
     fit, summary = _fit_and_write(run, clip, body, folder, last_phase=last, command=command, begins=begins)
-    tell(f"Note: {warning}" for warning in fit.warnings[len(clip.notes) :])
+    tell(f"Note: {warning}" for warning in fit.warnings[len(clip.notes) + len(clip.views) :])
     written = [FIT_NAME, SUMMARY_NAME]
     if options.overlay and _overlay_written(folder / OVERLAY_NAME, fit, clip, body):
         written.append(OVERLAY_NAME)

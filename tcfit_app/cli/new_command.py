@@ -21,6 +21,7 @@ from tcfit_app.options.clip_input import (
     described,
     notes_of,
     refusal,
+    with_views,
 )
 from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions, height_of
 from tcfit_app.project.new_people import create_people
@@ -52,6 +53,8 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
         check_free(options.out)  # before the detection, which takes minutes
     with DetectionShown() as tell_progress:
         clip = clip_of(options, tell_progress)
+        if isinstance(options, NewOptions):
+            clip = with_views(clip, options, tell_progress)
     folder = options.out or _folder_named(clip.name)
     if reopen and is_project(folder):
         check_same_clip(folder, clip, clip_options(options))
@@ -94,6 +97,8 @@ def _made_of_all_people(options: NewOptions) -> Path:
 
 def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) -> Path:
     """Unpack a project that `tcfit export --formats project` packed."""
+    if isinstance(options, NewOptions) and options.views.other_view:
+        raise InputError(f"{path}: is already a project. Use tcfit review --other-view VIDEO.")
     if isinstance(options, NewOptions) and options.people is not None:
         raise InputError(f"{path} is the project of one person: leave out --people.")
     check_not_new(path, options)

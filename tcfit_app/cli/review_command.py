@@ -146,6 +146,7 @@ def _review_many(options: ReviewOptions) -> None:
     ones = {"--out": options.out, "--height": options.height, "--read-only": options.read_only, "--fit": options.fit}
     given = [name for name, value in ones.items() if value] + clip_options(options)
     given += ["--reference"] * (options.truth != plain.truth) + ["--copy-video"] * options.copy_video
+    given += ["--other-view"] * bool(options.views.other_view)
     if given:
         raise InputError(
             f"{root} contains many clips, and {', '.join(given)} is for one: leave it out, or name one clip."
@@ -269,14 +270,25 @@ def _begun(session: "Session", fit: FitConfig, find: ClipOptions | None) -> str:
 
 
 def _take(project: "Project", options: ReviewOptions) -> None:
-    """Store the given height and reference in the project."""
+    """Store the given height, reference and other views in the project."""
     from tcfit_app.cli.new_command import reference_given
+    from tcfit_app.cli.progress import DetectionShown
+    from tcfit_app.options.clip_input import with_views
 
     height, reference = height_of(options), reference_given(options.truth, project.clip)
     if height is not None:
         project.set_height(height)
     if reference is not None:
         project.set_reference(reference)
+    there = [view.media.path for view in project.views]
+    if any(video.resolve() not in there for video in options.views.other_view):
+        project.refuse_read_only()
+        with DetectionShown() as tell_progress:
+            views = with_views(replace(project.clip, views=()), options, tell_progress).views
+        for view in views:
+            if view.clip.source not in there:
+                tell(view.sentence())
+                project.add_view(view, copy_media=options.copy_video)
 
 
 def opened(options: ReviewOptions) -> "Project":
@@ -301,8 +313,12 @@ def _people(options: ReviewOptions) -> AbstractContextManager["OpenPeople"]:
     folder = options.video
     assert folder is not None
     check_not_new(folder, options, allowed="--person")
-    if options.truth != ReferenceOptions() or options.height is not None:
-        what = "a reference" if options.height is None else "a height"
+    ones = {
+        "a reference": options.truth != ReferenceOptions(),
+        "a height": options.height is not None,
+        "another view": bool(options.views.other_view),
+    }
+    if what := next((name for name, given in ones.items() if given), None):
         raise InputError(
             f"{folder} contains several people, and {what} is for one: open that person's project with it."
         )

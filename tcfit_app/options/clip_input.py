@@ -4,33 +4,101 @@ import dataclasses
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from fitting_core.camera import FocalFrom, World
 from fitting_core.clip import Clip
 from fitting_core.clips.footage import locate
 from fitting_core.clips.options import CameraOptions, ClipOptions
+from fitting_core.clips.other_views import read_view
 from fitting_core.clips.people import PersonInClip, read_people
 from fitting_core.clips.reading import read_clip, read_footage
 from fitting_core.detect.found import Tell
+from fitting_core.detect.part import Detector
 from fitting_core.errors import InputError
-from tcfit_app.options.fit import HINTS, NO_KEYPOINTS, FitOptions, NewOptions, ReviewOptions, camera_for
+from tcfit_app.options.fit import (
+    FOUND,
+    HINTS,
+    NO_KEYPOINTS,
+    FitOptions,
+    NewOptions,
+    ReviewOptions,
+    ViewOptions,
+    camera_for,
+)
 
 
 def clip_of(options: FitOptions | NewOptions | ReviewOptions, tell: Tell | None = None) -> Clip:
     """Read the clip. Raises InputError, with the options as they are named on the command line, if files or options
     cannot be used.
 
-    With --keypoints none, or for a review, nothing is detected here.
+    With --keypoints none, or for a review without other views, nothing is detected here. `with_views` adds those.
 
     Args:
         options: The command line.
         tell: Receives the progress of the detection.
     """
+    _check_views(options)
     try:
         clip = _read(options, tell)
     except InputError as error:
         raise InputError(_translated(str(error))) from error
     return dataclasses.replace(clip, notes=tuple(map(_translated, clip.notes)))
+
+
+def with_views(
+    clip: Clip,
+    options: FitOptions | NewOptions | ReviewOptions,
+    tell: Tell | None = None,
+    *,
+    detector: Detector | None = None,
+) -> Clip:
+    """The clip with the other views of the options. Raises InputError as `clip_of`, or if one does not show the same
+    person at the same time.
+
+    Args:
+        clip: That of the options.
+        options: The command line.
+        tell: Receives the progress of the detection.
+        detector: An open one, instead of the one that the options name.
+    """
+    found = list(clip.views)
+    for video, keypoints, focal, person, first in zip(*_check_views(options), strict=True):
+        part = ClipOptions(detector=options.clip.detector, person=person, first_frame=first)
+        camera = camera_for(
+            CameraOptions(focal_length=focal), options.method if isinstance(options, FitOptions) else None
+        )
+        try:
+            found.append(read_view(clip, video, keypoints, clip=part, camera=camera, detector=detector, tell=tell))
+        except InputError as error:
+            raise InputError(f"--other-view {video}: {_translated(str(error), '--other-')}") from error
+    return dataclasses.replace(clip, views=tuple(found))
+
+
+def _check_views(options: FitOptions | NewOptions | ReviewOptions) -> list[Sequence[Any]]:
+    """Each option of other views, by view; None where it was not given. Raises InputError if one is given more or less
+    often than there are views, or a file is missing: before minutes of detection."""
+    given = options.views
+    count, found = len(given.other_view), list[Sequence[Any]]()
+    for field in dataclasses.fields(ViewOptions):
+        values = getattr(given, field.name)
+        if len(values) not in (0, count):
+            name = f"--{field.name.replace('_', '-')}"
+            raise InputError(
+                f"{name} is given {_times(len(values))}, but --other-view {_times(count)}. Give {name} once for each "
+                f"view, in their order, or not at all; {FOUND} leaves one out."
+            )
+        found.append([None if str(value) == FOUND else value for value in values] or [None] * count)
+    for path in (*found[0], *found[1]):
+        if path is not None and not path.exists():
+            raise InputError(f"--other-view: {path} does not exist; expected a video, or its keypoints.")
+    if count and options.keypoints == NO_KEYPOINTS:
+        raise InputError(f"--other-view cannot be combined with --keypoints {NO_KEYPOINTS}: both need keypoints.")
+    return found
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
 
 
 def all_people_of(options: FitOptions | NewOptions, tell: Tell | None = None) -> list[PersonInClip]:
@@ -43,6 +111,8 @@ def all_people_of(options: FitOptions | NewOptions, tell: Tell | None = None) ->
             f"--people {options.people} cannot be combined with --keypoints {NO_KEYPOINTS}: people are found by their "
             "keypoints."
         )
+    if options.views.other_view:
+        raise InputError(f"--people {options.people} cannot be combined with --other-view, which is of one person.")
     try:
         people = read_people(options.video, options.keypoints, clip=options.clip, camera=_camera(options), tell=tell)
     except InputError as error:
@@ -61,9 +131,9 @@ _NAMES = re.compile(f"`({'|'.join(f.name for kind in HINTS for f in dataclasses.
 """The library's options, in backquotes: paths and keys of files may have the same names."""
 
 
-def _translated(text: str) -> str:
+def _translated(text: str, dashes: str = "--") -> str:
     """A message with the names of options as on the command line."""
-    return _NAMES.sub(lambda name: "--" + name[1].replace("_", "-"), text)
+    return _NAMES.sub(lambda name: dashes + name[1].replace("_", "-"), text)
 
 
 def _read(options: FitOptions | NewOptions | ReviewOptions, tell: Tell | None) -> Clip:
@@ -74,7 +144,8 @@ def _read(options: FitOptions | NewOptions | ReviewOptions, tell: Tell | None) -
             f"--keypoints {NO_KEYPOINTS}: a fit needs keypoints. Leave the option out to detect them in the video, or "
             "give a file."
         )
-    if isinstance(options, ReviewOptions) and video is not None and keypoints is None and video.exists():
+    later = isinstance(options, ReviewOptions) and not options.views.other_view
+    if later and video is not None and keypoints is None and video.exists():
         alone = locate(video, None)[1] is None
     if not alone:
         return read_clip(video, keypoints, clip=options.clip, camera=_camera(options), tell=tell)
@@ -132,6 +203,7 @@ def described(clip: Clip) -> list[str]:
             if camera.focal_from in (FocalFrom.GIVEN, FocalFrom.FILE)
             else ["  (set it by --focal-length, --fov or --focal-length-35mm)"]
         ),
+        *(view.sentence() for view in clip.views),
     ]
 
 
@@ -151,4 +223,5 @@ def _place(world: World, *, moves: bool) -> str:
 
 def notes_of(clip: Clip) -> list[str]:
     """Notes on how the clip was read, as lines for the user."""
-    return [f"Note: {note}" for note in clip.notes]
+    others = [f"{view.clip.name}: {note}" for view in clip.views for note in view.clip.notes]
+    return [f"Note: {note}" for note in (*clip.notes, *others)]

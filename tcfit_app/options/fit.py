@@ -9,6 +9,7 @@ from tyro.conf import Positional, UseAppendAction, arg
 from tyro.constructors import ConstructorRegistry, StructConstructorSpec, StructFieldSpec, StructTypeInfo
 
 from fitting_core.clips.options import CameraOptions, ClipOptions
+from fitting_core.config.choices import FocalRule
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.config.settings import changed, check, settings, unknown
 from fitting_core.config.toml import preset, read_named
@@ -129,6 +130,31 @@ class StartOptions:
     """Video frame at which the result begins."""
 
 
+FOUND = "auto"
+"""A value of --other-... that leaves it to be found."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewOptions:
+    """Videos of the person at the same time by other cameras, which may stand and begin anywhere.
+
+    Each further option is given once for each --other-view, in their order; auto leaves one out.
+    """
+
+    other_view: Annotated[
+        UseAppendAction[tuple[Path, ...]], arg(metavar="VIDEO", help_behavior_hint="(repeatable)")
+    ] = ()
+    """A video file, or a folder of images."""
+    other_keypoints: Annotated[UseAppendAction[tuple[Path, ...]], shown("PATH", "detected")] = ()
+    """Its keypoints, as of --keypoints."""
+    other_focal_length: Annotated[UseAppendAction[tuple[float | FocalRule, ...]], shown("PX|auto|diagonal", FOUND)] = ()
+    """As --focal-length."""
+    other_person: Annotated[UseAppendAction[tuple[int | Literal["auto"], ...]], shown("N", "the most prominent")] = ()
+    """As --person."""
+    other_first_frame: Annotated[UseAppendAction[tuple[int | Literal["auto"], ...]], shown("N", "the first")] = ()
+    """As --first-frame."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class BodyOptions:
     """The body model; `tcfit models` lists those found."""
@@ -186,6 +212,7 @@ class FitOptions:
     json: JsonLines = False
     clip: ClipOptions = field(default_factory=ClipOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
+    views: ViewOptions = field(default_factory=ViewOptions)
     body: BodyOptions = field(default_factory=BodyOptions)
     begin: StartOptions = field(default_factory=StartOptions)
     method: MethodOptions = field(default_factory=MethodOptions)
@@ -214,6 +241,7 @@ class NewOptions:
     """Copy the video or images into the project, so that it can be moved to another computer."""
     clip: ClipOptions = field(default_factory=ClipOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
+    views: ViewOptions = field(default_factory=ViewOptions)
     truth: ReferenceOptions = field(default_factory=ReferenceOptions)
 
 
@@ -265,6 +293,7 @@ class ReviewOptions:
     """For a new project: part of the clip, and how its files are read."""
     camera: CameraOptions = field(default_factory=CameraOptions)
     """For a new project: the camera. --focal-length, --fov and --focal-length-35mm exclude each other."""
+    views: ViewOptions = field(default_factory=ViewOptions)
     truth: ReferenceOptions = field(default_factory=ReferenceOptions)
     server: ServerOptions = field(default_factory=ServerOptions)
 

@@ -153,6 +153,7 @@ def test_the_rate_of_uneven_frames_is_that_of_their_times(tmp_path):
     with FrameSource(file) as frames:
         assert (frames.uneven, frames.declared_frame_rate) == (True, 25.0)
         assert frames.frame_rate == pytest.approx(29 / 4.2, rel=1e-6)
+        assert frames.times is not None and frames.times[[0, 9, 11, 29]] == pytest.approx([0, 0.36, 0.6, 4.2])
         assert frames.count == frames.declared_count == 30, "the header's length times its rate makes 110"
         order = np.random.default_rng(0).permutation(30).tolist()
         assert [shown(frames.frame(index)) for index in order] == order
