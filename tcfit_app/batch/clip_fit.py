@@ -31,6 +31,7 @@ from tcfit_app.exports.pictures import write_comparison
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.process_queue import Report, Work
 from tcfit_app.imports.given import start_of
+from tcfit_app.options.clip_input import with_views
 from tcfit_app.options.preparing import body_file, check_out, prepare_solver
 from tcfit_app.project.storage.accessing import accessing
 
@@ -80,7 +81,8 @@ def _clip_of(task: ClipTask, report: Report) -> Clip:
     def tell(event: DetectionProgress) -> None:
         report(Work(step="keypoints", share=event.share))
 
-    return read_clip(fit.video, fit.keypoints, clip=fit.clip, camera=fit.camera, detector=detector, tell=tell)
+    clip = read_clip(fit.video, fit.keypoints, clip=fit.clip, camera=fit.camera, detector=detector, tell=tell)
+    return with_views(clip, fit, tell, detector=detector)
 
 
 def _run_fit(task: ClipTask, clip: Clip, body: BodyModel, report: Report) -> FitResult:

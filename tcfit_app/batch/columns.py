@@ -15,17 +15,23 @@ from fitting_core.config.choices import FocalRule, Up
 from fitting_core.config.schema import PRESETS
 from fitting_core.config.settings import Range, nearest, settings
 from fitting_core.files.regular import at_home
-from tcfit_app.options.fit import SHORTCUTS, BodyOptions, StartOptions
+from tcfit_app.options.fit import SHORTCUTS, BodyOptions, StartOptions, ViewOptions
 from tcfit_app.options.removed import SETTINGS
 
-Group = Literal["files", "batch", "clip", "camera", "body", "start", "preset", "setting"]
+Group = Literal["files", "batch", "clip", "camera", "views", "body", "start", "preset", "setting"]
 """The group of options that a column belongs to."""
 FILES = ("video", "keypoints", "out", "shape")
 FOCAL = ("focal_length", "fov", "focal_length_35mm", "camera")
 """Options that exclude each other."""
 OF_CAMERA_FILE = ("camera_name", "camera_unit", "camera_up")
 """Options of a camera file."""
-_OPTIONS: dict[Group, type] = {"clip": ClipOptions, "camera": CameraOptions, "body": BodyOptions, "start": StartOptions}
+_OPTIONS: dict[Group, type] = {
+    "clip": ClipOptions,
+    "camera": CameraOptions,
+    "views": ViewOptions,
+    "body": BodyOptions,
+    "start": StartOptions,
+}
 _CHOICES = {
     "gender": ("neutral", "male", "female", "child"),
     "keypoint_scale": ("auto", "pixels", "0..1", "-1..1"),
@@ -36,6 +42,9 @@ LEAST_PART = Range(0.1)
 _NUMBERS = {
     "person": Range(0),
     "first_frame": Range(0),
+    "other_person": Range(0),
+    "other_first_frame": Range(0),
+    "other_focal_length": Range(open=True),
     "last_frame": Range(0),
     "start_person": Range(0),
     "start_first_frame": Range(0),
@@ -116,7 +125,9 @@ def suggestion(header: str) -> str:
 
 
 def _plain(hint: Any) -> Any:
-    """A type without "or None"."""
+    """A type without "or None"; of an option that can be repeated, that of one value."""
+    if get_origin(hint) is tuple and hint not in _WORDS:
+        return get_args(hint)[0]
     if get_origin(hint) in (UnionType, Union):
         return reduce(or_, (kind for kind in get_args(hint) if kind is not NoneType))
     return hint
@@ -133,6 +144,7 @@ def _converted(text: str, kind: Any) -> Any:
 _WORDS: dict[Any, str] = {
     str: "a text",
     int: "a whole number",
+    int | Literal["auto"]: "a whole number or auto",
     float: "a number",
     float | FocalRule: "a number, auto or diagonal",
     Up: f"one of {', '.join(get_args(Up))}",

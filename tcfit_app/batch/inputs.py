@@ -19,10 +19,11 @@ from fitting_core.files.regular import at_home, regular_file
 from fitting_core.io.cameras.reading import camera_files
 from fitting_core.io.known_shape import read_known_shape
 from tcfit_app.batch.manifest import ClipTask
-from tcfit_app.options.fit import StartOptions
+from tcfit_app.options.fit import StartOptions, ViewOptions
 from tcfit_app.options.preparing import body_file
 
 _BLOCK = 1 << 20
+_KINDS = ("video", "keypoints")
 
 
 def inputs_of(task: ClipTask) -> str:
@@ -46,17 +47,34 @@ def unchanged(then: str, task: ClipTask) -> bool:
 def missing_input(task: ClipTask) -> list[tuple[str, Path]]:
     """Column and path of each input file that does not exist."""
     fit = task.fit
-    named = {"video": fit.video, "keypoints": fit.keypoints, "camera": fit.camera.camera, "start": fit.begin.start}
-    return [(column, path) for column, path in named.items() if path is not None and not path.exists()]
+    named = [
+        ("video", fit.video),
+        ("keypoints", fit.keypoints),
+        ("camera", fit.camera.camera),
+        ("start", fit.begin.start),
+        *(("other_view", path) for path in fit.views.other_view),
+        *(("other_keypoints", path) for path in fit.views.other_keypoints),
+    ]
+    return [(column, path) for column, path in named if path is not None and not path.exists()]
 
 
 def detector_of(task: ClipTask) -> str | None:
-    """The detector of a clip's keypoints; None where they are given, or where there is no video to find them in."""
+    """The detector of a clip's keypoints, or of its other views'; None where they are given, or where there is no video
+    to find them in."""
     try:
-        _, keypoints = locate(task.fit.video, task.fit.keypoints)
+        needed = any(keypoints is None for _, keypoints in _located(task).values())
     except InputError:
         return None  # the fit reports it
-    return task.fit.clip.detector if keypoints is None else None
+    return task.fit.clip.detector if needed else None
+
+
+def _located(task: ClipTask) -> dict[str, tuple[Path | None, Path | None]]:
+    """Frames and keypoints of the clip and of its other view, if any, by what precedes their names."""
+    fit, views = task.fit, task.fit.views
+    found = {"": locate(fit.video, fit.keypoints)}
+    for video in views.other_view:  # a list names at most one
+        found["other_"] = locate(video, next(iter(views.other_keypoints), None))
+    return found
 
 
 @cache
@@ -79,7 +97,7 @@ def settings_of(task: ClipTask) -> str:
     fit = task.fit
     # The detector is not used if keypoints are given.
     clip = fit.clip if detector_of(task) else replace(fit.clip, detector="")
-    common = _common(clip, fit.camera, fit.begin, body_file(fit.body), task.config, fit.overlay)
+    common = _common(clip, fit.camera, fit.views, fit.begin, body_file(fit.body), task.config, fit.overlay)
     return _hashed([common, *shape])
 
 
@@ -87,6 +105,7 @@ def settings_of(task: ClipTask) -> str:
 def _common(
     clip: ClipOptions,
     camera: CameraOptions,
+    views: ViewOptions,
     begin: StartOptions,
     body: Path,
     config: FitConfig,
@@ -103,6 +122,8 @@ def _common(
         "prior": "" if config.pose_prior in POSE_PRIORS else _file_hash(Path(config.pose_prior)),
         "overlay": overlay,
     }
+    if views.other_view:  # files are input here too
+        plain["views"] = asdict(replace(views, other_view=(), other_keypoints=()))
     return msgspec.json.encode(plain, order="sorted")
 
 
@@ -132,10 +153,13 @@ def _detector_line(task: ClipTask) -> list[bytes]:
 def _inputs(task: ClipTask) -> Iterator[tuple[str, Path]]:
     """Every input file with its role, in a fixed order."""
     try:
-        images, keypoints = locate(task.fit.video, task.fit.keypoints)
+        located = _located(task).items()
     except InputError:
         return  # the fit reports it
-    for kind, path in (("video", images), ("keypoints", keypoints), ("start", task.fit.begin.start)):
+    paths = [
+        (f"{of}{kind}", path) for of, both in located for kind, path in zip(("video", "keypoints"), both, strict=True)
+    ]
+    for kind, path in (*paths, ("start", task.fit.begin.start)):
         if path is not None and path.is_dir():
             for folder, folders, names in os.walk(path):
                 folders.sort()

@@ -12,6 +12,7 @@ from typing import Any, get_args
 import numpy as np
 
 from fitting_core.clips.footage import Footage, locate
+from fitting_core.clips.options import CameraOptions
 from fitting_core.config.schema import FitConfig
 from fitting_core.config.settings import changed
 from fitting_core.errors import InputError
@@ -19,7 +20,7 @@ from fitting_core.files.regular import regular_file
 from fitting_core.frame_alignment import chosen
 from tcfit_app.batch.columns import FOCAL, OF_CAMERA_FILE, Column, Group, find, suggestion
 from tcfit_app.options.batch import BatchOptions
-from tcfit_app.options.fit import FitOptions, MethodOptions, StartOptions, camera_for, fit_config
+from tcfit_app.options.fit import FitOptions, MethodOptions, StartOptions, ViewOptions, camera_for, fit_config
 
 _SHOWN = 30
 """Maximum number of errors in a message."""
@@ -205,12 +206,18 @@ class _Rows:
             complain("has both a known shape and a height; give one of them.")
         if given["start"] and "start" not in given["start"]:
             complain(f"{', '.join(given['start'])} without start; give the result.", "start")
+        views, focal_of_preset = given["views"], camera_for(CameraOptions(), method).focal_length
+        if views and "other_view" not in views:
+            complain(f"{', '.join(views)} without other_view; give the other video.", "other_view")
+        elif views and focal_of_preset is not None:
+            views.setdefault("other_focal_length", focal_of_preset)
         return FitOptions(
             **files,
             overwrite=options.overwrite,
             overlay=options.overlay,
             clip=clip,
             camera=camera_for(replace(options.camera, **camera), method),
+            views=ViewOptions(**{name: (value,) for name, value in views.items()}),
             body=replace(options.body, **given["body"]),
             begin=StartOptions(**given["start"]),
         )

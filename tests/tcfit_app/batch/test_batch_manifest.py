@@ -13,7 +13,7 @@ from tcfit_app.batch.columns import columns, find
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.cli.main import parse
 from tcfit_app.options.batch import BatchOptions
-from tcfit_app.options.fit import SHORTCUTS, BodyOptions, StartOptions
+from tcfit_app.options.fit import SHORTCUTS, BodyOptions, StartOptions, ViewOptions
 from tcfit_app.options.removed import SETTINGS
 from tests.samples.media import write_video
 
@@ -46,7 +46,9 @@ def test_every_column_has_its_effect(tmp_path: Path):
         "video": "a.mp4", "keypoints": "k", "out": "o", "detector": "dwpose-l",
         "person": "1", "first_frame": "3", "last_frame": "9",
         "frame_rate": "25", "keypoint_scale": "0..1", "image_size": "640x480", "focal_length": "900",
-        "center": "320 240.5", "body_model": "smplh", "models": "m", "gender": "male", "preset": "paper",
+        "other_view": "b.mp4", "other_keypoints": "kb", "other_focal_length": "auto", "other_person": "1",
+        "other_first_frame": "4", "center": "320 240.5",
+        "body_model": "smplh", "models": "m", "gender": "male", "preset": "paper",
         "start": "s.pt", "start_person": "2", "start_first_frame": "7", "start_deviation": "0.2",
         "solver": "lbfgs", "Temporal-Weight": "300", "temporal.space": "camera", "weights.shape": '"1,2,3,4,5"',
     }  # fmt: skip
@@ -62,6 +64,13 @@ def test_every_column_has_its_effect(tmp_path: Path):
         image_size=(640, 480),
     )
     assert task.fit.camera == CameraOptions(focal_length=900.0, center=(320.0, 240.5))
+    assert task.fit.views == ViewOptions(
+        other_view=(tmp_path / "b.mp4",),
+        other_keypoints=(tmp_path / "kb",),
+        other_focal_length=("auto",),
+        other_person=(1,),
+        other_first_frame=(4,),
+    )
     assert task.fit.body == BodyOptions(body_model="smplh", models=tmp_path / "m", gender="male")
     assert task.fit.begin == StartOptions(start=tmp_path / "s.pt", start_person=2, start_first_frame=7)
     assert task.config.start_deviation == 0.2
@@ -71,7 +80,9 @@ def test_every_column_has_its_effect(tmp_path: Path):
 
 
 def test_every_option_of_a_clip_is_a_column():
-    options = {f.name for kind in (ClipOptions, CameraOptions, BodyOptions, StartOptions) for f in fields(kind)}
+    options = {
+        f.name for kind in (ClipOptions, CameraOptions, ViewOptions, BodyOptions, StartOptions) for f in fields(kind)
+    }
     own = {"video", "keypoints", "out", "shape", "preset", "part_minutes"}
     assert options | set(SHORTCUTS) | set(SETTINGS) | own == set(columns())
     assert all(find(name) for name in settings())
@@ -111,6 +122,10 @@ def test_a_focal_length_that_is_not_given_goes_by_the_preset(tmp_path: Path):
 
 
 WRONG = {
+    "keypoints,out,other_person,other_first_frame\nk,o,1,-1\n": [
+        "line 2, column other_first_frame: is -1; expected a whole number or auto, 0 or more",
+        "column other_view: other_person without other_view; give the other video",
+    ],
     "keypoint,out\nk,o\n": [
         "line 1: there is no column 'keypoint'; did you mean keypoints",
         "both columns video and keypoints are missing",
