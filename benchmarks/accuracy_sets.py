@@ -13,6 +13,7 @@ from evaluation.synthetic.motion_suite.clips import make_motion, motion_sequence
 from evaluation.synthetic.motion_suite.depth_figures import DepthRecord, depth_figures, measured
 from fitting_core import keypoints as kp
 from fitting_core import metrics
+from fitting_core.body.markers.joint_centres import joint_centres_in_space
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
@@ -62,9 +63,10 @@ class Variant:
         found = fit_clip(clip, self.body, config or self.config)
         return found.last.params, time.process_time() - begun
 
-    def limbs(self, params: BodyParams) -> Limbs:
-        """The limb joints in camera space: those of `fit.npz`, which users get, and not the fitted keypoints."""
-        return joints_in_space(self.body, params)[:, LIMB_JOINTS]
+    def limbs(self, params: BodyParams) -> dict[str, Limbs]:
+        """Limbs in camera space by what is added to a row's label: joint centres, and SMPL-X's joints of `fit.npz`."""
+        joints = joints_in_space(self.body, params)[:, LIMB_JOINTS]
+        return {"": joint_centres_in_space(self.body, params), ", SMPL-X's joints": joints}
 
     @property
     def free(self) -> FitConfig:
@@ -99,8 +101,9 @@ def phone(variant: Variant, name: str) -> Rows:
         clip = phone_clip(name, quick=variant.quick, millimetres=millimetres)
         params, seconds = variant.fitted(clip)
         found = variant.limbs(params)
-        true, others = in_time(found, clip, reference)
-        rows[f"{name}, {focal}"] = _of_limbs(found, true) | _smooth(variant, params)
+        true, others = in_time(found[""], clip, reference)
+        rows |= {f"{name}, {focal}{label}": _of_limbs(limbs, true) for label, limbs in found.items()}
+        rows[f"{name}, {focal}"] |= _smooth(variant, params)
         if focal == "auto":
             rows[f"{name}, {focal}"] |= _of_focal(clip.camera, focal_from_35mm(PHONE_MM, clip.camera.size))
         rows[f"{name}, {focal}"]["s"] = seconds
@@ -153,12 +156,14 @@ def balancing(variant: Variant, camera: str) -> Rows:
             sample = read(camera, focal=focal, detected=keypoints == "detected")
             assert sample.truth is not None
             params, seconds = variant.fitted(sample.clip)
-            found, true = variant.limbs(params), sample.truth[:, kp.LIMBS]
-            own = _of_limbs(found, true) | {"MPJPE mm": float(metrics.mpjpe(found, true, HIPS).mean())}
-            own |= _smooth(variant, params)
+            row, true = f"{camera}, {keypoints}, {focal} focal length", sample.truth[:, kp.LIMBS]
+            for label, found in variant.limbs(params).items():
+                rows[row + label] = _of_limbs(found, true) | {
+                    "MPJPE mm": float(metrics.mpjpe(found, true, HIPS).mean())
+                }
+            rows[row] |= _smooth(variant, params) | {"s": seconds}
             if focal == "auto":
-                own |= _of_focal(sample.clip.camera, read(camera).clip.camera.focal[0])
-            rows[f"{camera}, {keypoints}, {focal} focal length"] = own | {"s": seconds}
+                rows[row] |= _of_focal(sample.clip.camera, read(camera).clip.camera.focal[0])
     return rows
 
 

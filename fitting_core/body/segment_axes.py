@@ -35,7 +35,7 @@ def rest_axes(places: Float[np.ndarray, "T 55 3"]) -> dict[str, Float[np.ndarray
     """By segment: the anatomical axes as columns in the rest pose's frame (x to the left, y up, z forward).
 
     Args:
-        places: Joints of shaped bodies at rest, metres.
+        places: Joints of shaped bodies at rest, metres, or of their limbs the anatomical centres.
     """
     found = {name: np.broadcast_to(_UPRIGHT, (len(places), 3, 3)) for name in BONES}  # those that no joint tells
     for side, sign in (("left", -1.0), ("right", 1.0)):
@@ -49,7 +49,7 @@ def rest_axes(places: Float[np.ndarray, "T 55 3"]) -> dict[str, Float[np.ndarray
         # the thumb, and of the left ones away from it: both to the right where arms hang and palms look forward.
         found[f"{side}_humerus"] = _along(shoulder - elbow, sign * _UP)
         found[f"{side}_forearm"] = forearm = _along(elbow - wrist, sign * _FORWARD)
-        has_fingers = np.linalg.norm(wrist - middle, axis=-1) > 1e-6  # SMPL's lie in the wrist
+        has_fingers = np.linalg.norm(index - pinky, axis=-1) > 1e-6  # SMPL's lie in the wrist
         found[f"{side}_hand"] = hand = forearm.copy()
         hand[has_fingers] = _along((wrist - middle)[has_fingers], sign * (index - pinky)[has_fingers])
     return found

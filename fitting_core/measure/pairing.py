@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 
 from fitting_core import keypoints as kp
+from fitting_core.body.markers.joint_centres import joint_centres_in_space
 from fitting_core.body.markers.marker_set import marker_places
 from fitting_core.body.model import JOINT, JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
@@ -26,7 +27,13 @@ LIMB_JOINTS = [JOINT[kp.NAMES[i]] for i in kp.LIMBS]
 _FINE = set(JOINTS[JOINT["right_wrist"] + 1 :])
 """Joints of fingers and face, which are left out of comparisons of joints."""
 _HIPS = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]
-_PELVIS = (("pelvis",), ("left_hip", "right_hip"), ("LASI", "RASI", "LPSI", "RPSI"), ("LASI", "RASI", "SACR"))
+_PELVIS = (
+    ("pelvis",),
+    ("LHJC", "RHJC"),
+    ("left_hip", "right_hip"),
+    ("LASI", "RASI", "LPSI", "RPSI"),
+    ("LASI", "RASI", "SACR"),
+)
 """What stands for the root where a reference has no keypoints of the hips: the first of these that it has."""
 
 
@@ -65,11 +72,11 @@ class PosedMotion:
         return keypoints_in_space(self.body, self.params)
 
     def points_beside(self, reference: Reference) -> tuple[Float[np.ndarray, "T 137 3"], Bool[np.ndarray, "137"]]:
-        """The keypoints, which a detector's reference has; beside other systems' results the limbs are joints."""
+        """The keypoints, which a detector's reference has; beside other systems' results the limbs' joint centres."""
         points, exists = self.keypoints
         if reference.others:
             points, exists = points.copy(), exists.copy()
-            points[:, kp.LIMBS], exists[kp.LIMBS] = self.joints[:, LIMB_JOINTS], True
+            points[:, kp.LIMBS], exists[kp.LIMBS] = joint_centres_in_space(self.body, self.params), True
         return points, exists
 
     @cached_property

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting_core.body.markers.marker_set import marker_places
+from fitting_core.body.markers.joint_centres import CENTRES
+from fitting_core.body.markers.marker_set import MarkerSet, marker_places
 from fitting_core.body.model import JOINTS
 from fitting_core.errors import InputError
 from fitting_core.ground.grounding import Grounding
@@ -132,30 +133,29 @@ def write_avatar_motion(source: ExportSource, path: Path, progress: Progress) ->
 
 _SCREENS = {"camera": ("+X", "-Y"), "y-up": ("+X", "+Y"), "z-up": ("+X", "+Z")}
 """The axes to the right and up, by AXES."""
+_JOINTS = {name: name for name in (*JOINTS, *CENTRES)}
+"""SMPL-X's joints and the anatomical joint centres, as targets of markers."""
 
 
 def write_joints_trc(source: ExportSource, path: Path, progress: Progress) -> None:
-    """The 55 joint centres."""
-    motion = source.motion("y-up")
-    write_trc(path, _points(motion, tuple(JOINTS), motion.joints()))
+    """The 55 joints and the anatomical joint centres."""
+    write_trc(path, _points(source.motion("y-up"), MarkerSet(_JOINTS)))
 
 
 def write_markers_trc(source: ExportSource, path: Path, progress: Progress) -> None:
     """The markers on the skin."""
-    motion = source.motion("y-up")
-    write_trc(path, _points(motion, source.markers.names, marker_places(motion.body, motion.params, source.markers)))
+    write_trc(path, _points(source.motion("y-up"), source.markers))
 
 
 def write_marker_c3d(source: ExportSource, path: Path, progress: Progress) -> None:
-    """Markers, joint centres and events. Raises InputError if a marker of the user's own has the name of a joint."""
+    """Markers, joints, joint centres and events. Raises InputError if a marker of the user's own has the name of a
+    joint."""
     from fitting_core.io.points.c3d_file import write_c3d  # here: with c3d, nothing of which other formats need
 
-    motion = source.motion("z-up")
-    markers = source.markers
-    if same := sorted(set(markers.names) & set(JOINTS)):
+    motion, markers = source.motion("z-up"), source.markers
+    if same := sorted(set(markers.names) & set(_JOINTS)):
         raise InputError(f"--markers: {same[0]} is the name of a joint, which the file has too. Rename it.")
-    places = np.concatenate([marker_places(motion.body, motion.params, markers), motion.joints()], 1)
-    points = _points(motion, (*markers.names, *JOINTS), places)
+    points = _points(motion, replace(markers, targets={**markers.targets, **_JOINTS}))
     write_c3d(path, points, events=events_of(motion), screen=_screen(motion), subject=motion.name)
 
 
@@ -169,10 +169,10 @@ def _screen(motion: Motion) -> tuple[str, str] | None:
     return "+Y" if up[-1] == "x" else "+X", ("-" if up[0] == "-" else "+") + up[-1].upper()
 
 
-def _points(motion: Motion, names: tuple[str, ...], places: np.ndarray) -> NamedPoints:
+def _points(motion: Motion, markers: MarkerSet) -> NamedPoints:
     return NamedPoints(
-        names=names,
-        places=places,
+        names=markers.names,
+        places=marker_places(motion.body, motion.params, markers),
         frame_rate=motion.frame_rate,
         first_frame=motion.first_frame,
         camera=motion.seen_from,

@@ -134,12 +134,12 @@ EXPORTS: dict[str, Export] = {
         "mot": ("Coordinates (MOT)", ".mot", _of_motion(write_mot, "y-up"),
                 "Coordinates of OpenSim's full-body model Rajagopal2015, by its own axes and signs"),
         "trc": ("Joints (TRC)", ".joints.trc", write_joints_trc,
-                "55 joint centres for OpenSim: text, millimetres, by default y up"),
+                "SMPL-X's 55 joints and 12 anatomical joint centres for OpenSim: text, millimetres, by default y up"),
         "trc-markers": ("Markers (TRC)", ".markers.trc", write_markers_trc,
                         "Markers on the skin, named as in Plug-in Gait, for OpenSim: text, millimetres, by default y "
                         "up"),
         "c3d": ("Markers (C3D)", ".c3d", write_marker_c3d,
-                "Markers, joint centres, foot strikes and feet off, in millimetres, by default z up"),
+                "Markers, joints, joint centres, foot strikes and feet off, in millimetres, by default z up"),
         "angles": ("Joint angles (CSV)", ".angles.csv", _of_motion(write_angles_csv, "y-up"),
                    "Degrees by frame, with ISB's axes and signs, which the file states; empty where not determined"),
         "contacts": ("Contacts (CSV)", ".contacts.csv", _of_motion(write_contacts, "camera"),
@@ -154,7 +154,7 @@ EXPORTS: dict[str, Export] = {
         "smplifyx": ("SMPLify-X (pkl)", "-smplifyx", write_frames,
                      "A pickle for each frame, as SMPLify-X writes its results; in camera space"),
         "joints": ("Joints (CSV)", ".joints.csv", _of_motion(write_joints_csv, "y-up"),
-                   "55 joint centres by frame, metres, by default y up; with error bars where they are known")}),
+                   "SMPL-X's 55 joints by frame, metres, by default y up; with error bars where they are known")}),
     **_group("Python", {
         "figures": ("Curves (CSV)", ".figures.csv", write_figures_csv,
                     "All curves of the timeline by frame, of A and B, as a table"),

@@ -11,11 +11,10 @@ from evaluation.synthetic.motion_suite.clips import MotionClipMade
 from evaluation.synthetic.motion_suite.windows import speeds
 from fitting_core import metrics
 from fitting_core.body.model import JOINT
+from fitting_core.measure.limbs import HIPS
+from fitting_core.measure.pairing import LIMB_JOINTS
 
 LIMB_PARTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-LIMB_JOINTS = [JOINT[f"{side}_{part}"] for part in LIMB_PARTS for side in ("left", "right")]
-"""The 12 limb joints, those of each part side by side."""
-_HIPS = [LIMB_JOINTS.index(JOINT[f"{side}_hip"]) for side in ("left", "right")]
 _ANKLES = [JOINT["left_ankle"], JOINT["right_ankle"]]
 _FEWEST = 4
 """Joints in the image without which a frame is not aligned on these."""
@@ -79,7 +78,7 @@ def _depth_error(pair: DepthPair) -> Float[np.ndarray, "T"]:
 
 
 def _acceleration(pair: DepthPair) -> Float[np.ndarray, "T"]:
-    found, true = (metrics.rooted(points, _HIPS) for points in pair.limbs)
+    found, true = (metrics.rooted(points, HIPS) for points in pair.limbs)
     return metrics.acceleration_error(found, true, pair.made.clip.frame_rate)
 
 
@@ -95,7 +94,7 @@ def _of_part(part: str) -> Callable[[DepthPair], Float[np.ndarray, "T"]]:
     columns = [LIMB_JOINTS.index(JOINT[f"{side}_{part}"]) for side in ("left", "right")]
 
     def values(pair: DepthPair) -> Float[np.ndarray, "T"]:
-        found, true = (metrics.rooted(points, _HIPS)[:, columns] for points in pair.limbs)
+        found, true = (metrics.rooted(points, HIPS)[:, columns] for points in pair.limbs)
         errors, inside = 1e3 * np.linalg.norm(found - true, axis=-1), pair.made.inside[:, LIMB_JOINTS][:, columns]
         total = np.where(inside, errors, 0).sum(1)
         return np.where(inside.any(1), total / np.maximum(inside.sum(1), 1), np.nan)
@@ -107,7 +106,7 @@ DEPTH_CURVES: dict[str, DepthCurve] = {
     "pa_mpjpe": DepthCurve(
         title="PA-MPJPE", unit="mm", values=lambda p: metrics.pa_mpjpe(*p.limbs), statistics=("mean", "p90")
     ),
-    "mpjpe": DepthCurve(title="MPJPE", unit="mm", values=lambda p: metrics.mpjpe(*p.limbs, _HIPS)),
+    "mpjpe": DepthCurve(title="MPJPE", unit="mm", values=lambda p: metrics.mpjpe(*p.limbs, HIPS)),
     "pa_in_image": DepthCurve(title="PA-MPJPE in image", unit="mm", values=_pa_in_image),
     "lean": DepthCurve(title="Lean", unit="°", values=_lean),
     "nearer": DepthCurve(title="Neck nearer", unit="°", values=_nearer),

@@ -5,7 +5,7 @@
     [markers]
     LKNE = 8123               # a vertex of the body's mesh, counted from 0
     LeftAnkle = "LANK"        # a marker of the standard set by another name
-    KneeCentre = "left_knee"  # a joint
+    Knee = "LKJC"             # an anatomical joint centre, or "left_knee", SMPL-X's joint
 
 JSON has the same keys: {"radius": 7, "markers": {"LKNE": 8123}}.
 """
@@ -15,9 +15,9 @@ from typing import Any
 
 import msgspec
 
-from fitting_core.body.markers.marker_set import RADIUS, MarkerSet
+from fitting_core.body.markers.joint_centres import CENTRES
+from fitting_core.body.markers.marker_set import NAMED, RADIUS, MarkerSet
 from fitting_core.body.markers.places import PLACES
-from fitting_core.body.model import JOINTS
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.files.toml_text import parsed_toml
@@ -65,8 +65,8 @@ def _check(path: Path, name: str, on: Any) -> None:
         )
     if isinstance(on, int) and not isinstance(on, bool) and 0 <= on < 2**31:
         return
-    if not isinstance(on, str) or on not in (*PLACES, *JOINTS):
+    if not isinstance(on, str) or on not in NAMED:
         raise InputError(
-            f"{path}: the marker {name} sits on {on!r:.60}; expected a vertex's number, a joint such as left_knee, or "
-            f"a marker of the standard set: {', '.join(PLACES)}."
+            f"{path}: the marker {name} sits on {on!r:.60}; expected a vertex's number, a joint such as left_knee, "
+            f"a joint centre ({', '.join(CENTRES)}), or a marker of the standard set: {', '.join(PLACES)}."
         )

@@ -7,6 +7,7 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int
 
+from fitting_core.body.markers.joint_centres import CENTRES, joint_centres_in_space
 from fitting_core.body.markers.places import PLACES, standard_vertices
 from fitting_core.body.mesh import Mesh, shared_mesh
 from fitting_core.body.model import JOINT, BodyModel
@@ -18,7 +19,9 @@ RADIUS = 0.007
 _CHUNK = 16
 """Frames whose meshes are in memory at once."""
 Target = int | str
-"""The place of a marker: the number of a vertex, a marker of PLACES, or a joint of JOINTS."""
+"""The place of a marker: the number of a vertex, or one of NAMED."""
+NAMED = (*PLACES, *CENTRES, *JOINT)
+"""Markers of the standard set, anatomical joint centres, and SMPL-X's joints."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +30,10 @@ class MarkerSet:
 
     targets: Mapping[str, Target] = field(default_factory=lambda: {name: name for name in PLACES})
     radius: float = RADIUS
-    """Metres; joints have none."""
+    """Metres; joints and their centres have none."""
 
     def __post_init__(self) -> None:
-        assert all(isinstance(on, int) or on in PLACES or on in JOINT for on in self.targets.values())
+        assert all(isinstance(on, int) or on in NAMED for on in self.targets.values())
 
     def __len__(self) -> int:
         return len(self.targets)
@@ -56,12 +59,14 @@ def marker_places(body: BodyModel, params: BodyParams, markers: MarkerSet) -> Fl
     Raises:
         InputError: A vertex's number is higher than the body has any.
     """
-    joints = {i: JOINT[on] for i, on in enumerate(markers.targets.values()) if isinstance(on, str) and on in JOINT}
+    inside = {name: k for k, name in enumerate((*CENTRES, *JOINT))}
+    joints = {i: inside[on] for i, on in enumerate(markers.targets.values()) if isinstance(on, str) and on in inside}
     on_skin = {i: _vertex(body, name, on) for i, (name, on) in enumerate(markers.targets.items()) if i not in joints}
     found = np.zeros((len(params), len(markers), 3))
     mesh = shared_mesh(body)
     if joints:
-        found[:, list(joints)] = mesh.joints(params).numpy()[:, list(joints.values())]
+        places = np.concatenate([joint_centres_in_space(body, params), mesh.joints(params).numpy()], 1)
+        found[:, list(joints)] = places[:, list(joints.values())]
     if on_skin:
         skin = _Skin(body, np.array(list(on_skin.values())))
         for start in range(0, len(params), _CHUNK):

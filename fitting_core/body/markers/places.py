@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from fitting_core.body.model import JOINT, JOINTS, BodyModel, other_side
 
@@ -114,21 +114,35 @@ def standard_vertices(body: BodyModel) -> dict[str, int]:
 
 def _vertex(body: BodyModel, place: Place) -> int:
     """The vertex nearest to the point where the ray leaves the skin, or to the ray if it misses the skin."""
-    tall = float(np.ptp(body.template[:, 1])) / _TALL
-    start, end = _point(body, place.start), _point(body, place.end or place.start)
-    origin = start + place.share * (end - start) + tall * np.array(place.offset)
-    direction = np.array(place.direction) / np.linalg.norm(place.direction)
-    # Vertices that these joints carry more than all others do.
-    allowed = body.skinning_weights[:, [JOINT[bone] for bone in place.bones]].sum(1) > 0.5
-    faces = body.faces[allowed[body.faces].all(1)]
-    depths, corners = _hits(body.template[faces], origin, direction)
-    if len(depths):
-        triangle, corner = (numbers[depths.argmax()] for numbers in corners)
-        return int(faces[triangle, corner])
+    if (found := skin_point(body, place)) is not None:
+        corners, weights = found
+        return int(corners[weights.argmax()])
+    origin, direction, allowed = _ray(body, place)
     away = body.template - origin
     along = away @ direction
     across = np.linalg.norm(away - along[:, None] * direction, axis=1)
     return int(np.where(allowed & (along > 0), across, np.inf).argmin())
+
+
+def skin_point(body: BodyModel, place: Place) -> tuple[Int[np.ndarray, "3"], Float[np.ndarray, "3"]] | None:
+    """Where the ray leaves the skin of the mean shape at rest: corners of a triangle, and their weights; None if it
+    misses the skin."""
+    origin, direction, allowed = _ray(body, place)
+    faces = body.faces[allowed[body.faces].all(1)]
+    depths, triangles, weights = _hits(body.template[faces], origin, direction)
+    if not len(depths):
+        return None
+    last = depths.argmax()
+    return faces[triangles[last]], weights[last]
+
+
+def _ray(body: BodyModel, place: Place) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"], Bool[np.ndarray, "V"]]:
+    """Origin and direction, and the vertices that the place's joints carry more than all others do."""
+    tall = float(np.ptp(body.template[:, 1])) / _TALL
+    start, end = _point(body, place.start), _point(body, place.end or place.start)
+    origin = start + place.share * (end - start) + tall * np.array(place.offset)
+    direction = np.array(place.direction) / np.linalg.norm(place.direction)
+    return origin, direction, body.skinning_weights[:, [JOINT[bone] for bone in place.bones]].sum(1) > 0.5
 
 
 def _point(body: BodyModel, name: str) -> Float[np.ndarray, "3"]:
@@ -140,9 +154,8 @@ def _point(body: BodyModel, name: str) -> Float[np.ndarray, "3"]:
 
 def _hits(
     triangles: Float[np.ndarray, "F 3 3"], origin: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"]
-) -> tuple[Float[np.ndarray, "n"], tuple[np.ndarray, np.ndarray]]:
-    """Where a ray meets triangles (Möller and Trumbore, 1997): how far off, and each one's number with its nearest
-    corner."""
+) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
+    """Where a ray meets triangles (Möller and Trumbore, 1997): how far off, each one's number, its corners' weights."""
     a, ab, ac = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     across = np.cross(direction, ac)
     determinant = (ab * across).sum(1)
@@ -154,5 +167,4 @@ def _hits(
         v = scale * (turned @ direction)
         depth = scale * (ac * turned).sum(1)
         met = np.flatnonzero((u >= 0) & (v >= 0) & (u + v <= 1) & (depth > 0) & np.isfinite(depth))
-    nearest = np.stack([1 - u - v, u, v], 1)[met].argmax(1)
-    return depth[met], (met, nearest)
+    return depth[met], met, np.stack([1 - u - v, u, v], 1)[met]

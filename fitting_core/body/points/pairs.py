@@ -36,13 +36,22 @@ class Offset:
 
 
 @dataclass(frozen=True)
+class Carried:
+    """A weighted sum of vertices at rest that one bone carries rigidly, without pose correctives."""
+
+    vertices: tuple[int, ...]
+    weights: tuple[float, ...]
+    bone: int
+
+
+@dataclass(frozen=True)
 class Contour:
     """One of the 17 face contour landmarks, whose place on the mesh depends on the head's yaw."""
 
     landmark: int
 
 
-Point = Joint | Surface | Offset | Contour
+Point = Joint | Surface | Offset | Carried | Contour
 
 
 def vertex(index: int) -> Surface:
@@ -108,8 +117,12 @@ def pairs_of(
     """The pairs of points that do not depend on the head's yaw."""
     rows: list[tuple] = []
     for i, p in enumerate(points):
-        if isinstance(p, Offset):
-            rows.append((i, p.bone, 1.0, rest[p.joint] + p.offset, moves[p.joint], np.zeros((3, 9 * (N_JOINTS - 1)))))
+        if isinstance(p, Offset | Carried):
+            if isinstance(p, Offset):
+                place, move = rest[p.joint] + p.offset, moves[p.joint]
+            else:
+                place, move = (np.tensordot(p.weights, a[list(p.vertices)], 1) for a in (body.template, directions))
+            rows.append((i, p.bone, 1.0, place, move, np.zeros((3, 9 * (N_JOINTS - 1)))))
             continue
         assert isinstance(p, Surface)
         vertices, weights = np.array(p.vertices), np.array(p.weights)

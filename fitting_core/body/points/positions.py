@@ -20,7 +20,7 @@ _CHUNK = 64
 
 def joints_in_space(body: BodyModel, params: BodyParams) -> Float[np.ndarray, "T 55 3"]:
     """The kinematic joints of posed bodies in camera space, metres."""
-    return _posed(_joints(body), body, params)
+    return posed_points(_joints(body), body, params)
 
 
 def keypoints_in_space(
@@ -29,7 +29,7 @@ def keypoints_in_space(
     """The 137 keypoints of posed bodies in camera space (metres), and which of them the body has; others are 0."""
     points, exists = _keypoints(body)
     found = np.zeros((len(params), len(exists), 3))
-    found[:, exists] = _posed(points, body, params)
+    found[:, exists] = posed_points(points, body, params)
     return found, exists
 
 
@@ -37,7 +37,7 @@ def body_keypoints_in_space(body: BodyModel, params: BodyParams) -> Float[np.nda
     """The BODY_25 keypoints of posed bodies in camera space (metres), NaN for those that the body has not."""
     points, exists = _body_keypoints(body)
     found = np.full((len(params), len(exists), 3), np.nan)
-    found[:, exists] = _posed(points, body, params)
+    found[:, exists] = posed_points(points, body, params)
     return found
 
 
@@ -61,7 +61,8 @@ def _existing(body: BodyModel, wanted: list[Point | None]) -> tuple[BodyPoints, 
     return BodyPoints(body, [point for point in wanted if point is not None]), exists
 
 
-def _posed(points: BodyPoints, body: BodyModel, params: BodyParams) -> Float[np.ndarray, "T N 3"]:
+def posed_points(points: BodyPoints, body: BodyModel, params: BodyParams) -> Float[np.ndarray, "T N 3"]:
+    """Points of posed bodies in camera space, metres; contour landmarks by the yaw of each frame's head."""
     params = params.to(dtype=points.dtype, device=points.device)
     chunks = torch.arange(len(params)).split(_CHUNK)
     return np.concatenate([_posed_chunk(points, body, params[frames]) for frames in chunks])

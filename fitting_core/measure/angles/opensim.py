@@ -13,9 +13,10 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.body.geometry import axis_angle
-from fitting_core.body.model import JOINT
+from fitting_core.body.markers.joint_centres import joint_centres_in_space
 from fitting_core.measure.angles.cardan import angles_of, continuous, held, nearest_turn, unit_axis
 from fitting_core.measure.angles.segments import Segments
+from fitting_core.measure.limbs import HIPS
 from fitting_core.motion import Motion
 
 _Axis = tuple[float, float, float]
@@ -70,10 +71,11 @@ def opensim_world(segments: Segments) -> OpenSimWorld:
 
 def opensim_coordinates(motion: Motion) -> tuple[dict[str, Float[np.ndarray, "T"]], OpenSimWorld]:
     """Coordinates by their names, in the model's order: degrees, and metres for pelvis_tx, _ty and _tz."""
-    segments = Segments(motion.in_axes("y-up"))
+    motion = motion.in_axes("y-up")
+    segments = Segments(motion)
     world = opensim_world(segments)
     pelvis = world.from_y_up @ segments.axes["pelvis"]
-    hips = segments.joints[:, [JOINT["left_hip"], JOINT["right_hip"]]].mean(1) @ world.from_y_up.T
+    hips = joint_centres_in_space(motion.body, motion.params)[:, HIPS].mean(1) @ world.from_y_up.T
     places = hips - pelvis @ _HIPS_FROM_PELVIS
     tilt, obliquity, rotation = held(pelvis, "ZXY").T
     found = {"pelvis_tilt": tilt, "pelvis_list": obliquity, "pelvis_rotation": rotation}

@@ -11,9 +11,10 @@ from jaxtyping import Float
 
 from fitting_core.body import rotations
 from fitting_core.body.kinematics import Tree, pose_joints
+from fitting_core.body.markers.joint_centres import with_joint_centres
 from fitting_core.body.model import JOINT
 from fitting_core.body.segment_axes import BONES, rest_axes
-from fitting_core.motion import Motion
+from fitting_core.motion import Motion, rest_joints
 
 MIRROR_SIDES = np.diag([1.0, 1.0, -1.0])
 """Turns a rotation between two anatomical frames into that of the other side of the body, M R M."""
@@ -29,19 +30,10 @@ class Segments:
     @cached_property
     def axes(self) -> dict[str, Float[np.ndarray, "T 3 3"]]:
         """By segment: x, y and z as columns, in the world of the motion."""
-        world, at_rest = self._posed[0], rest_axes(self.motion.rest_joints.numpy())
-        return {name: world[:, JOINT[BONES[name]]] @ axes for name, axes in at_rest.items()}
-
-    @cached_property
-    def joints(self) -> Float[np.ndarray, "T 55 3"]:
-        """The joints in the world, metres, double precision."""
-        return self._posed[1] + self.motion.params.camera_translation.double().numpy()[:, None]
-
-    @cached_property
-    def _posed(self) -> tuple[Float[np.ndarray, "T 55 3 3"], Float[np.ndarray, "T 55 3"]]:
         motion = self.motion
-        world, joints = pose_joints(Tree.of(motion.body.parents), rotations.exp(motion.pose), motion.rest_joints)
-        return world.numpy(), joints.numpy()
+        world, _ = pose_joints(Tree.of(motion.body.parents), rotations.exp(motion.pose), motion.rest_joints)
+        at_rest = rest_axes(rest_joints(with_joint_centres(motion.body), motion.params).numpy())
+        return {name: world[:, JOINT[BONES[name]]].numpy() @ axes for name, axes in at_rest.items()}
 
     def between(self, parent: str, child: str) -> Float[np.ndarray, "T 3 3"]:
         """The rotation of one segment against another, by its columns: the child's axes in the parent's frame.

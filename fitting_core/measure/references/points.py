@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from fitting_core import keypoints as kp
 from fitting_core.body.geometry import SIDES
+from fitting_core.body.markers.joint_centres import CENTRES
 from fitting_core.body.markers.marker_set import RADIUS, MarkerSet, Target
 from fitting_core.body.markers.places import PLACES
 from fitting_core.body.model import JOINT
@@ -88,13 +89,13 @@ def matched(
                     f"{path}: {owner[index]} and {name} are both {kp.NAMES[index]}. Leave one of them out."
                 )
             owner[index], placed[:, index] = name, points.places[:, i]
-        elif name.upper() in PLACES:
-            targets[name] = name.upper()
+        elif (target := _plain(name).upper()) in PLACES or target in CENTRES:
+            targets[name] = target
     if (count := len(owner) + len(targets)) < FEWEST:
         raise InputError(
             f"{path}: names {count} known points ({some_of(points.names)}); expected at least {FEWEST} of "
-            "OpenPose's, such as RShoulder or right_shoulder, of the markers of Plug-in Gait, such as LKNE, or of "
-            "SMPL-X's joints. Rename its points, or say with --markers what they are."
+            "OpenPose's, such as RShoulder or right_shoulder, of the markers of Plug-in Gait, such as LKNE, of joint "
+            "centres, such as LKJC, or of SMPL-X's joints. Rename its points, or say with --markers what they are."
         )
     unknown = [name for name in points.names if name not in owner.values() and name not in targets]
     notes = (f"Not used, as no keypoint or marker has this name: {some_of(unknown, most=20)}.",) if unknown else ()

@@ -9,9 +9,8 @@ import torch
 from jaxtyping import Float, Int
 
 from fitting_core import keypoints as kp
-from fitting_core.body.markers.marker_set import MarkerSet
-from fitting_core.body.markers.places import PLACES
-from fitting_core.body.model import JOINT, N_JOINTS, BodyModel
+from fitting_core.body.markers.marker_set import NAMED, MarkerSet
+from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
 from fitting_core.files.npz import write_npz
@@ -215,7 +214,7 @@ def read_stored(path: Path, arrays: dict[str, np.ndarray]) -> Reference:
 def _stored_markers(arrays: Mapping[str, np.ndarray]) -> MarkerSet:
     names, on = arrays["marker_names"].tolist(), arrays["marker_targets"].tolist()
     targets = {str(name): int(t) if t.isdecimal() else t for name, t in zip(names, on, strict=True)}
-    if unknown := [t for t in targets.values() if isinstance(t, str) and t not in PLACES and t not in JOINT]:
+    if unknown := [t for t in targets.values() if isinstance(t, str) and t not in NAMED]:
         raise ValueError(f"a marker sits on {unknown[0][:40]!r}, expected a vertex, a joint or a marker's name")
     if arrays["marker_places"].shape != (len(arrays["points"]), len(targets), 3):
         raise ValueError(f"marker_places has the shape {arrays['marker_places'].shape}")

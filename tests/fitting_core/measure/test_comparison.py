@@ -9,13 +9,14 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from fitting_core import keypoints as kp
+from fitting_core.body.markers.joint_centres import joint_centres_in_space
 from fitting_core.body.model import BodyModel, KeypointOffset
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera, path_of
 from fitting_core.io.motion.imported_motion import from_still
 from fitting_core.measure.comparison import compare, figure_titles
 from fitting_core.measure.limbs import LIMB_FIGURES
-from fitting_core.measure.pairing import LIMB_JOINTS, PosedMotion
+from fitting_core.measure.pairing import PosedMotion
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.reference import Reference
 from tests.samples.scenes import arms_in_motion, random_params
@@ -55,12 +56,12 @@ def test_a_body_that_stands_elsewhere(free_body: BodyModel, truth: Reference):
     assert set(found) == set(figure_titles())
 
 
-def test_a_fit_beside_other_systems_is_compared_by_its_joints(free_body: BodyModel):
-    """Not by its keypoints, which lie elsewhere: users get the joints, and other systems give theirs."""
+def test_a_fit_beside_other_systems_is_compared_by_its_joint_centres(free_body: BodyModel):
+    """Not by its keypoints, which lie elsewhere: the reference has joint centres of markers."""
     beyond = KeypointOffset(joint="left_wrist", bone="left_elbow", offset=(0.1, 0.0, 0.0))
     fit = estimate(replace(free_body, keypoint_offsets={"left_wrist": beyond}), random_params(4))
     points = np.full((4, kp.COUNT, 3), np.nan)
-    points[:, kp.LIMBS] = fit.joints[:, LIMB_JOINTS]
+    points[:, kp.LIMBS] = joint_centres_in_space(fit.body, fit.params)
     about = dict(name="markers", kind="", frame_rate=25.0, in_camera=True)
     beside = Reference(**about, points=points, others={"wham": points})
     found = compare(fit, beside, meshes=False).figures

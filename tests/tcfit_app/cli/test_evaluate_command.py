@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fitting_core import keypoints as kp
+from fitting_core.body.markers.joint_centres import joint_centres_in_space
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.clip import Clip
@@ -16,7 +17,6 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.io.result_files import write_result
 from fitting_core.io.truth import Truth, write_truth
 from fitting_core.keypoints import Keypoints
-from fitting_core.measure.pairing import LIMB_JOINTS
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.cli.main import main
@@ -211,8 +211,7 @@ def test_other_systems_are_judged_beside_the_fit(tmp_path: Path, free_body: Body
     seconds = np.arange(0, 2, 1 / laboratory.RATE)
     result = acted(tmp_path, free_body, seconds)
     moments = np.arange(0, 1.5, 1 / 50)
-    points = joints_in_space(free_body, laboratory.acted(moments))[:, LIMB_JOINTS]
-    points = points @ laboratory.TURN.T + laboratory.SHIFT
+    points = joint_centres_in_space(free_body, laboratory.acted(moments)) @ laboratory.TURN.T + laboratory.SHIFT
     noisy = points + np.random.default_rng(0).normal(0, 0.02, points.shape)
     names = np.array([kp.NAMES[i] for i in kp.LIMBS])
     np.savez(tmp_path / "points.npz", points=points, names=names, time=moments, wham=noisy)

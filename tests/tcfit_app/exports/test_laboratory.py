@@ -9,6 +9,7 @@ import ezc3d
 import numpy as np
 import pytest
 
+from fitting_core.body.markers.joint_centres import CENTRES, joint_centres_in_space
 from fitting_core.body.markers.marker_set import STANDARD, marker_places
 from fitting_core.body.markers.places import PLACES
 from fitting_core.body.mesh import Mesh
@@ -37,6 +38,14 @@ CONTACTS = Contacts(probability=SEEN, standing=STANDING, let_go=np.zeros_like(ST
 def moving(free_body: BodyModel) -> Motion:
     """Frames 12 to 18 of a video at 29.97 per second."""
     return replace(swinging(free_body, FRAMES), contacts=CONTACTS)
+
+
+POINTS = (*JOINTS, *CENTRES)
+
+
+def points(motion: Motion) -> np.ndarray:
+    """Joints and joint centres in the motion's world, metres."""
+    return np.concatenate([motion.joints(), joint_centres_in_space(motion.body, motion.params)], 1)
 
 
 def exported(motion: Motion, name: str, folder: Path, **choices) -> Path:
@@ -91,9 +100,9 @@ def z_up(places: np.ndarray) -> np.ndarray:
 
 def test_joints_as_trc(moving: Motion, tmp_path: Path):
     names, times, places, header = parsed_trc(exported(moving, "trc", tmp_path))
-    assert names == list(JOINTS) and header["Units"] == "mm" and float(header["DataRate"]) == pytest.approx(29.97)
+    assert names == list(POINTS) and header["Units"] == "mm" and float(header["DataRate"]) == pytest.approx(29.97)
     np.testing.assert_allclose(times, (12 + np.arange(FRAMES)) / 29.97, atol=1e-5)
-    np.testing.assert_allclose(places, 1e3 * y_up(moving.joints()), atol=0.01)
+    np.testing.assert_allclose(places, 1e3 * y_up(points(moving)), atol=0.01)
 
 
 def on_the_skin(motion: Motion, name: str, vertex: int, radius: float) -> np.ndarray:
@@ -120,13 +129,13 @@ def test_everything_as_c3d_read_by_another_library(moving: Motion, tmp_path: Pat
     read = ezc3d.c3d(str(exported(moving, "c3d", tmp_path)))
     point, event = read["parameters"]["POINT"], read["parameters"]["EVENT"]
     labels = point["LABELS"]["value"]
-    assert labels == [*PLACES, *JOINTS] and point["UNITS"]["value"] == ["mm"]
+    assert labels == [*PLACES, *POINTS] and point["UNITS"]["value"] == ["mm"]
     assert point["RATE"]["value"][0] == pytest.approx(29.97) and point["X_SCREEN"]["value"] == ["+X"]
     assert point["Y_SCREEN"]["value"] == ["+Z"]
     header = read["header"]["points"]
     assert (header["first_frame"], header["last_frame"]) == (12, 18), "ezc3d counts from 0"
     places = read["data"]["points"][:3].transpose(2, 1, 0)
-    np.testing.assert_allclose(places[:, len(PLACES) :], 1e3 * z_up(moving.joints()), atol=0.01)
+    np.testing.assert_allclose(places[:, len(PLACES) :], 1e3 * z_up(points(moving)), atol=0.01)
     _, _, markers, _ = parsed_trc(exported(moving, "trc-markers", tmp_path))
     upright = np.stack([markers[..., 0], -markers[..., 2], markers[..., 1]], -1)
     np.testing.assert_allclose(places[:, : len(PLACES)], upright, atol=0.01)
@@ -171,14 +180,15 @@ def test_axes_are_obeyed(moving: Motion, tmp_path: Path):
     turn = ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0))
     there = World(rotation=turn, translation=(0.1, 1.5, 4.0), up="z")
     placed = replace(moving, camera=replace(moving.camera, world=there))
-    of_laboratory = (moving.joints() - there.translation) @ np.array(turn)
-    for axes, expected, up in (("camera", moving.joints(), "-Y"), ("world", of_laboratory, "+Z")):
+    of_laboratory = (points(moving) - there.translation) @ np.array(turn)
+    for axes, expected, up in (("camera", points(moving), "-Y"), ("world", of_laboratory, "+Z")):
         _, _, places, _ = parsed_trc(exported(placed, "trc", tmp_path, axes=axes))
         np.testing.assert_allclose(places, 1e3 * expected, atol=0.01)
         read = ezc3d.c3d(str(exported(placed, "c3d", tmp_path, axes=axes)))
         assert read["parameters"]["POINT"]["Y_SCREEN"]["value"] == [up]
-        points = read["data"]["points"][:3, len(PLACES) :].transpose(2, 1, 0)
-        np.testing.assert_allclose(points, 1e3 * expected, atol=0.01)
+        np.testing.assert_allclose(
+            read["data"]["points"][:3, len(PLACES) :].transpose(2, 1, 0), 1e3 * expected, atol=0.01
+        )
 
 
 LABORATORY = World(rotation=((1, 0, 0), (0, 0, -1), (0, 1, 0)), translation=(0.1, 1.5, 4.0), up="z")
@@ -197,7 +207,7 @@ def test_what_is_exported_comes_back_before_the_camera(moving: Motion, tmp_path:
         np.testing.assert_allclose(found.joints, moving.joints(), atol=2e-6)
         return
     places = dict(zip(found.markers.names, found.all_points[:, -len(found.markers) :].swapaxes(0, 1), strict=True))
-    expected = dict(zip(JOINTS, moving.joints().swapaxes(0, 1), strict=True))
+    expected = dict(zip(POINTS, points(moving).swapaxes(0, 1), strict=True))
     on_skin = marker_places(moving.body, moving.params, STANDARD)
     expected |= dict(zip(STANDARD.names, on_skin.swapaxes(0, 1), strict=True))
     assert len(places) >= len(STANDARD)

@@ -7,9 +7,10 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
+from fitting_core.body.markers.joint_centres import with_joint_centres
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.motion import Motion
+from fitting_core.motion import Motion, rest_joints
 from tests.fitting_core.io.motion.motions import CAMERA
 
 BONES = {
@@ -84,7 +85,7 @@ def posed(
     count = len(root) if root else max(len(rotations) for rotations in turns.values())
     shape = torch.tensor([list(betas)], dtype=torch.float64)
     rest = Motion(body=body, params=replace(BodyParams.neutral(1), betas=shape), camera=CAMERA, frame_rate=50, name="")
-    own = frames(rest.rest_joints[0].numpy())
+    own = frames(rest_joints(with_joint_centres(body), rest.params)[0].numpy())
     pose = np.zeros((count, 55, 3))
     for side in ("left_", "right_", ""):
         for joint, (parent, child) in PARENTS.items():
