@@ -42,7 +42,7 @@ class Status:
 
     def __init__(self, gestures: Gestures) -> None:
         self._tab, self._correcting, self._again = gestures.tab, gestures.correcting, gestures.again
-        self._exporting = gestures.exporting
+        self._exporting, self._views = gestures.exporting, gestures.views
 
     def messages(self, now: float, problem: str) -> list[Message]:
         """The current messages, the most urgent first; `problem` says what cannot be shown, and why."""
@@ -81,7 +81,7 @@ class Status:
             words = f"Draw a rectangle around the {part_name(again.framing)}"
             found.append(Message(text=words, cancel=again.give_up_framing))
         going = (again.going, again.cancel), (source.going, source.cancel), (exporting.running, exporting.cancel)
-        for task, cancel in going:
+        for task, cancel in (*going, (self._views.going, self._views.cancel)):
             if task is not None and task.state == "running":
                 found.append(task_message(task, cancel))
         return found

@@ -23,6 +23,7 @@ from tcfit_app.review.gestures.noting import Noting
 from tcfit_app.review.gestures.reviewing import Reviewing
 from tcfit_app.review.gestures.shaping import ShapingHands
 from tcfit_app.review.gestures.turning import Turning
+from tcfit_app.review.gestures.viewing import OtherViews
 from tcfit_app.review.gestures.zooming import next_close_up, show_whole, zoom_to_selection
 from tcfit_app.review.scene.side_view import DIRECTION_TEXTS
 from tcfit_app.review.tab.state import CONTROLS, MODES, OPACITIES, Section
@@ -43,6 +44,7 @@ class Gestures:
         self.shaping = ShapingHands(tab, self.correcting)
         self.noting, self.exchanging = Noting(tab), Exchanging(tab, self.correcting)
         self.again = DetectingAgain(tab, self.correcting)
+        self.views = OtherViews(tab, self.correcting)
         self.exporting = Exporting(tab)
 
     def run(self, name: str) -> None:

@@ -1,23 +1,29 @@
 """Another view of the person: added, shown in step beside the picture, corrected there, and removed. No browser."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+import viser
 from scipy.spatial.transform import Rotation
 
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera, project
 from fitting_core.clip import OtherView
+from fitting_core.clips import other_views
+from fitting_core.detect.detecting import DetectionProgress
+from fitting_core.detect.found import Tell
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, INDEX, Keypoints
 from fitting_core.relation import Relation
 from tcfit_app.analysis.view_scale import scale_of
 from tcfit_app.review.browser.page_events import Drag, Hello, Key, Select
 from tcfit_app.review.panels.correct.correct_panel import CorrectPanel
+from tcfit_app.review.panels.fit.fit_panel import FitPanel
 from tcfit_app.review.scene.other_view import other_camera
 from tcfit_app.review.scene.poster import relief, world_of_pixels
 from tests.drivers.lone_page import LonePage
@@ -58,7 +64,7 @@ def second_view(body: BodyModel) -> OtherView:
 @pytest.fixture
 def tested(fitted_page: LonePage) -> LonePage:
     """A page of a project of the tiny body, with a fit."""
-    fitted_page.only(CorrectPanel)
+    fitted_page.only(FitPanel, CorrectPanel)
     fitted_page.page.receive(Hello("me", 1000, 700))
     return fitted_page
 
@@ -75,19 +81,32 @@ def kinds(tested: LonePage) -> list[str]:
     return [poster.kind for poster in heard(tested)["layout"].posters]
 
 
+def add(tested: LonePage, path: str = "/videos/kitchen.mp4") -> None:
+    tested.page.tab.set(folds=frozenset({"fit.view"}))
+    tested.draw()
+    tested.enter("Video", path)
+    tested.click("Add this view")
+    tested.settle()
+
+
 def key(tested: LonePage, action: str) -> None:
     tested.page.receive(Key(action=action, repeat=False))
 
 
-def test_a_view_is_shown_in_step_corrected_and_removed(tested: LonePage, tiny_body: BodyModel):
+def test_a_view_is_added_shown_in_step_corrected_and_removed(
+    tested: LonePage, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
     tab, made = tested.page.tab, second_view(tiny_body)
     project = tab.session.project
+    monkeypatch.setattr(other_views, "read_view", lambda first, path, **more: made)
     assert kinds(tested) == ["picture", "side"]
-    tab.set(side_from=project.add_view(made).id)
+    add(tested)
 
     (view,) = project.views
     assert tab.state.side_from == view.id and kinds(tested) == ["picture", "view"]
     assert project.clip.views[0].relation == made.relation, "the next fit takes it"
+    shown = tested.html()
+    assert "kitchen" in shown and "70°" in shown and "0.08 s later" in shown
     told_now = heard(tested)
     assert told_now["view"].image == CAMERA.size and told_now["layout"].posters[1].label.endswith("moment")
     assert not any(told_now["view_keypoints"].confidence), "the other clip begins later"
@@ -114,12 +133,63 @@ def test_a_view_is_shown_in_step_corrected_and_removed(tested: LonePage, tiny_bo
     (view,) = project.views
     assert view.corrected.records.tobytes() == before
 
-    tab.session.edit(project.removal_of_view(view.id), author=tab.author)
+    tested.click("Remove")
     assert not project.views and not project.clip.views and kinds(tested) == ["picture", "side"]
     key(tested, "undo")
     assert [one.id for one in project.views] == [view.id] and kinds(tested) == ["picture", "view"]
     key(tested, "turn_side")
     assert kinds(tested) == ["picture", "side"], "the side view is the next"
+
+
+def test_why_a_video_is_refused_stays_on_show(tested: LonePage, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
+    reason = "kitchen.mp4 is no other view of this clip: expected the same person at the same time."
+
+    def refuse(*given: Any, **more: Any) -> OtherView:
+        raise InputError(reason)
+
+    monkeypatch.setattr(other_views, "read_view", refuse)
+    add(tested)
+    assert reason in tested.html() and tested.notices[-1].text == reason
+    assert not tested.page.tab.session.project.views and tested.page.tab.state.side_from == "right"
+
+
+def test_a_view_that_is_being_read_is_given_up(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
+    project, steps = tested.page.tab.session.project, list[int]()
+
+    def endless(first: Any, path: Path, *, clip: Any, tell: Tell) -> OtherView:
+        while True:
+            steps.append(len(steps))
+            tell(DetectionProgress(done=12, total=60, kept=0))
+
+    monkeypatch.setattr(other_views, "read_view", endless)
+    tested.page.tab.set(folds=frozenset({"fit.view"}))
+    tested.page.gestures.views.add(Path("/videos/kitchen.mp4"))
+    tested.until(lambda: steps)
+    assert "Adding kitchen.mp4: 12 of 60 frames" in tested.html()
+    with pytest.raises(InputError, match="wait for it"):
+        tested.page.gestures.views.add(Path("/videos/hall.mp4"))
+    tested.click("Cancel")
+    tested.settle()
+    assert not project.views and project.last_edit == 0
+
+
+def test_an_upload_is_read_under_its_own_name_and_kept_in_the_project(
+    tested: LonePage, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    seen, project = list[tuple[str, bytes]](), tested.page.tab.session.project
+
+    def read(first: Any, path: Path, **more: Any) -> OtherView:
+        seen.append((path.suffix, path.read_bytes()))
+        made = second_view(tiny_body)
+        return replace(made, clip=replace(made.clip, source=path))
+
+    monkeypatch.setattr(other_views, "read_view", read)
+    tested.page.gestures.views.add(viser.UploadedFile(name="../../My kitchen.MOV", content=b"frames"))
+    tested.settle()
+    assert seen == [(".mov", b"frames")]
+    (view,) = project.views
+    assert view.view.clip.name == "My kitchen" and view.media.path is not None
+    assert view.media.path.is_relative_to(project.folder) and view.media.path.read_bytes() == b"frames"
 
 
 def test_the_body_is_drawn_where_the_other_camera_has_it(tiny_body: BodyModel):

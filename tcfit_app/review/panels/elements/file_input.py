@@ -117,4 +117,4 @@ class FileInput:
             own = button(label, self._command, do=self._named, disabled=off, hint=self._hint, enter=True)
             self._board.show(*([row(own, *others)] if on else []))
         if self._upload is not None:
-            self._upload.disabled = off
+            self._upload.disabled, self._upload.visible = off, on

@@ -13,6 +13,7 @@ from tcfit_app.review.panels.elements.html import Board, Html, action, heading, 
 from tcfit_app.review.panels.fit.compare import Compared
 from tcfit_app.review.panels.fit.fit_list import FitList
 from tcfit_app.review.panels.fit.fit_settings import FitInputs
+from tcfit_app.review.panels.fit.other_views import ViewList
 
 
 class FitPanel:
@@ -36,6 +37,7 @@ class FitPanel:
             inputs.add_height()
         self._main = Board(tab)
         inputs.add_changed()
+        self._views = ViewList(gestures)
         self._camera, self._every = Fold(tab, "fit.camera"), Fold(tab, "fit.all")
         with self._camera:
             inputs.add_focal()
@@ -82,6 +84,7 @@ class FitPanel:
         self._inputs.draw()
         self._list.draw()
         self._compared.draw()
+        self._views.draw()
         self._camera.draw("Camera", on=self._writable)
         self._lines.show(row(action(self._gestures, "straight_lines")), *self._of_lines())
         self._every.draw("All settings", on=self._writable)

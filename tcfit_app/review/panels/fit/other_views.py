@@ -1,0 +1,96 @@
+"""The clip's other views in the Fit panel: what was found about each, and how to add and remove one."""
+
+from functools import partial
+
+from tcfit_app.project.other_view import ProjectView
+from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
+from tcfit_app.review.panels.elements.fold import Fold
+from tcfit_app.review.panels.elements.html import (
+    Board,
+    Html,
+    button,
+    heading,
+    joined,
+    line,
+    opener,
+    paragraph,
+    progress_bar,
+    row,
+    table,
+    tag,
+    words,
+)
+
+_SAID = (
+    "A video of the same person at the same time, from another side: a second phone, neither calibrated nor in step."
+)
+_PATH = TextRow("Video", "On the computer that runs tcfit")
+_UPLOAD = TextRow("Upload a video", "From this browser's computer")
+
+
+class ViewList:
+    """A part of the Fit panel."""
+
+    def __init__(self, gestures: Gestures) -> None:
+        self._gestures, self._tab = gestures, gestures.tab
+        tab = gestures.tab
+        self._views = Board(tab)
+        self._fold = Fold(tab, "fit.view")
+        with self._fold:
+            Board(tab).show(paragraph(_SAID, "dim"))
+            self._file = FileInput(
+                tab,
+                "view.add",
+                gestures.views.add,
+                path=_PATH,
+                button="Add this view",
+                missing="Type where the other video is first, or upload it.",
+                upload=_UPLOAD,
+            )
+            self._going = Board(tab)
+
+    def draw(self) -> None:
+        """Send what changed."""
+        session, task = self._tab.session, self._gestures.views.going
+        views = session.views.values()
+        writable = session.project.has_detections and not session.project.read_only
+        self._views.show(*([heading("Other views"), table(map(self._line, views))] if views else []))
+        busy = task is not None and task.state == "running"
+        if self._fold.draw("Add another view of the same person", on=writable):
+            self._file.draw(on=not busy)
+            self._going.show(*self._progress())
+
+    def _line(self, view: ProjectView) -> Html:
+        shown = self._tab.view is view and self._tab.state.side
+        name = opener(
+            words(view.view.clip.name, "strong"), "view.show", str(view.id), partial(self._gestures.views.show, view.id)
+        )
+        found = [tag("div", text, class_=f"tcfit-{kind}") for text, kind in self._found(view)]
+        off = self._tab.session.project.read_only
+        remove = button(
+            "Remove",
+            "view.remove",
+            str(view.id),
+            do=partial(self._gestures.views.remove, view),
+            disabled=off,
+            kind="mini",
+            hint="Undo brings it back",
+        )
+        return line(joined(name, *found), remove, numbers=(1,), kind="here" if shown else "", press=name)
+
+    def _found(self, view: ProjectView) -> list[tuple[str, str]]:
+        problem, name = view.media.problem, view.view.clip.name
+        found = view.view.sentence().removeprefix(f"{name} is another view, ")
+        return [(found, "dim"), *([(problem, "warn")] if problem else [])]
+
+    def _progress(self) -> list[Html]:
+        """How far it is, or why a video was refused."""
+        task = self._gestures.views.going
+        if task is None or task.state == "finished":
+            return []
+        if task.state == "failed":
+            return [paragraph(f"{task.title}: not possible. {task.reason}", "bad")]
+        doing = "Stopping …" if task.stopping else f"{task.title}: {task.words} …"
+        stop = button("Cancel", "view.cancel", do=self._gestures.views.cancel, disabled=task.stopping, kind="danger")
+        return [paragraph(doing), progress_bar(task.share or 0.0), row(stop)]
