@@ -10,7 +10,6 @@ from fitting_core.camera import FocalFrom, World
 from fitting_core.clip import Clip
 from fitting_core.clips.footage import locate
 from fitting_core.clips.options import CameraOptions, ClipOptions
-from fitting_core.clips.other_views import read_view
 from fitting_core.clips.people import PersonInClip, read_people
 from fitting_core.clips.reading import read_clip, read_footage
 from fitting_core.detect.found import Tell
@@ -62,6 +61,10 @@ def with_views(
         tell: Receives the progress of the detection.
         detector: An open one, instead of the one that the options name.
     """
+    if not options.views.other_view:
+        return clip
+    from fitting_core.clips.other_views import read_view  # loads torch
+
     found = list(clip.views)
     for video, keypoints, focal, person, first in zip(*_check_views(options), strict=True):
         part = ClipOptions(detector=options.clip.detector, person=person, first_frame=first)

@@ -1,12 +1,13 @@
 """Where keypoints are in space, from all views of them."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from fitting_core import keypoints as kp
-from fitting_core.clip import Clip
+from fitting_core.clip import Clip, OtherView
 from fitting_core.fit.evidence.observations import PointsInSpace
 from fitting_core.fit.views.track import Track
 from fitting_core.keypoint_noise import DETECTOR_TITLES, OPENPOSE, noise_deviations
@@ -37,7 +38,7 @@ def points_in_space(clip: Clip) -> PointsInSpace:
     others = list[_Seen]()
     lifted, spread = np.zeros((len(clip), _BODY, 3)), np.full((len(clip), _BODY, 3), np.inf)
     for view in clip.views:
-        relation, other = view.relation, Track(view.clip, view.times)
+        relation, other = view.relation, _track(view)
         assert relation is not None, "views of a clip are related to it"
         rays, confidence, placed = other.at(first.times + relation.offset)
         place = -relation.shift @ relation.turn
@@ -57,6 +58,11 @@ def points_in_space(clip: Clip) -> PointsInSpace:
     points[:, :_BODY] = np.where(alone, lifted, points[:, :_BODY])
     deviation[:, :_BODY] = np.where(alone, spread, deviation[:, :_BODY])
     return PointsInSpace(points=points, deviation=deviation, outvoted=outvoted)
+
+
+@lru_cache(maxsize=4)  # views stay the same while the first clip is corrected
+def _track(view: OtherView) -> Track:
+    return Track(view.clip, view.times)
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,6 +36,7 @@ from tcfit_app.review.session.session import Session
 from tests.drivers import waiting
 from tests.samples.scenes import finished
 from tests.samples.sessions import FRAMES, QUICK, held, idle, newest, session_of, small_clip, told, until
+from tests.tcfit_app.review.test_other_views import second_view
 
 WRIST = kp.INDEX["right_wrist"]
 
@@ -442,6 +443,21 @@ def test_the_fit_follows_edits_once_they_settle(session: Session, monkeypatch: p
     session.edit(MarkBad(frames=(4,), joints=(WRIST,)), author="me", shown=after)
     until(session, lambda: not session.edit_follower.busy)
     assert not session.jobs and "re-run them" in told(session)[-1].text
+
+
+def test_fits_follow_edits_of_other_views_and_say_that_a_view_needs_a_new_fit(session: Session, tiny_body: BodyModel):
+    before, project = newest(session), session.project
+    entry = project.add_view(second_view(tiny_body))
+    session.edit_follower.edited(entry, before)
+    until(session, lambda: not session.edit_follower.busy)
+    assert not session.jobs and told(session)[-1].title == "Fit the clip again"
+    assert session.edits_since(before.run) == 1
+    mark = project.edit_of_view(entry.id, MarkBad(frames=(8,), joints=(WRIST,)))
+    session.edit(mark, author="me", shown=before)
+    until(session, lambda: session.jobs)
+    idle(session)
+    after = newest(session)
+    assert after.run.kind == "corrections" and not torch.equal(after.params.body_pose[6], before.params.body_pose[6])
 
 
 def nudge(session: Session, frame: int, shown: Shown | None) -> None:
