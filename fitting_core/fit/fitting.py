@@ -406,6 +406,7 @@ class _Fit:
             warnings=(
                 *self.clip.notes,
                 *(view.sentence() for view in self.clip.views),
+                *self._unused_views(),
                 *self._start_notes(),
                 *_swap_notes(self.stages, self.clip.first_frame),
                 *(note for p in self.phases for note in p.notes),
@@ -416,6 +417,11 @@ class _Fit:
         )
         result = replace(result, grounding=grounding_of_params(self.stages, result.last.params))
         return replace(result, warnings=(*result.warnings, *_let_go_notes(result, self.clip.first_frame)))
+
+    def _unused_views(self) -> tuple[str, ...]:
+        if not self.clip.views or any(self.config.weights.relative_position):
+            return ()
+        return ("Other views do not count in this fit, because its weights.relative_position are 0.",)
 
     def _start_notes(self) -> tuple[str, ...]:
         if self.start is None:

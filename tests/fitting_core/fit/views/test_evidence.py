@@ -124,6 +124,13 @@ def test_a_fit_takes_them_in_place_of_the_lifter(free_body: BodyModel) -> None:
     assert both.relative_position[5, WRIST, 2] == pytest.approx(0.3), "a person's statement of depth stays"
 
 
+def test_a_fit_without_the_lifter_says_that_views_do_not_count(free_body: BodyModel) -> None:
+    clip, config = pair(), replace(PRESETS["tcfit"], last_phase=1, relay_rounds=0, limb_flips=False)
+    clip = replace(clip, keypoints=clip.keypoints[:2])
+    config = replace(config, weights=replace(config.weights, relative_position=(0.0,) * 5))
+    assert any("Other views do not count" in note for note in fit_clip(clip, free_body, config).warnings)
+
+
 @pytest.mark.thorough
 def test_a_fit_of_two_views_is_nearer_to_the_truth(free_body: BodyModel) -> None:
     first, other = (seen_from(azimuth, seed=azimuth) for azimuth in AZIMUTHS)
