@@ -195,7 +195,7 @@ class Stages:
             start=start,
             size=size,
             silhouettes=clip.silhouettes,
-            located=points_in_space(related(clip)) if clip.views else None,
+            located=points_in_space(related(clip)) if clip.views and any(config.weights.relative_position) else None,
         )
 
     def holding(self, stances: Stances) -> "Stages":
