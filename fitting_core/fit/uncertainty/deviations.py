@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from fitting_core.body import rotations
+from fitting_core.body.markers.joint_centres import with_joint_centres
 from fitting_core.body.model import JOINT
 from fitting_core.body.segment_axes import BONES, rest_axes
 from fitting_core.fit.objective import FrameObjective
@@ -108,7 +109,8 @@ def _of_part(stages: Stages, state: State) -> ErrorBars:
         _of_joints(objective, joints, state[frames], frames, covariance[frames])
         for frames in stages.all_frames.split(_AT_ONCE)
     ]
-    of_angles = _of_angles(objective, joints, state, covariance)
+    anatomical = JointPositions(with_joint_centres(stages.body), stages.parametrisation, in_camera=False)
+    of_angles = _of_angles(objective, anatomical, state, covariance)
     return ErrorBars(joints=torch.cat(of_joints).float().cpu().numpy(), angles=of_angles.float().cpu().numpy())
 
 
