@@ -22,7 +22,7 @@ from fitting_core.fit.variables.estimate import Estimate, SolverView
 from fitting_core.fit.variables.state import Free, State
 
 if TYPE_CHECKING:
-    from fitting_core.fit.fused.frames import FusedFrames
+    from fitting_core.fit.fused.frames import Evaluated, FusedFrames
 
 _EVALUATED = 512
 """Frames whose costs by term are evaluated together: 35 kB per frame."""
@@ -125,7 +125,11 @@ class FrameObjective:
         """E of each frame; infinite if a point is behind the camera."""
         if self.fused is None or state.vector.requires_grad:
             return self._cost(state, frames, self.terms)
-        known = self.fused.cost(state, frames)
+        return self._with_others(self.fused.evaluated(state, frames).cost, state, frames)
+
+    def _with_others(self, known: Tensor, state: State, frames: Tensor) -> Tensor:
+        """Costs of the terms that have kernels, and of those that have none."""
+        assert self.fused is not None
         return known + self._cost(state, frames, self.fused.others) if self.fused.others else known
 
     def _cost(self, state: State, frames: Tensor, terms: list[Term]) -> Tensor:
@@ -152,7 +156,11 @@ class FrameObjective:
         """Costs and normal equations, in torch in chunks of frames that stay in the cache."""
         if self.fused is None:
             return self._in_chunks(state, frames, self.terms)
-        known = Normal(*self.fused.normal(state, frames))
+        return self._normal_with_others(self.fused.evaluated(state, frames, normal=True), state, frames)
+
+    def _normal_with_others(self, found: "Evaluated", state: State, frames: Tensor) -> Normal:
+        assert self.fused is not None
+        known = Normal(found.cost, found.gradient, found.matrix)
         if not self.fused.others:
             return known
         rest = self._in_chunks(state, frames, self.fused.others)
@@ -210,20 +218,50 @@ class FrameObjective:
 
     def joints(self, which: JointPositions, state: State, frames: Int[Tensor, "B"]) -> Float[Tensor, "B 165"]:
         """A body's joints."""
+        return self.cost_and_joints(which, state, frames)[1]
+
+    def cost_and_joints(
+        self, which: JointPositions, state: State, frames: Int[Tensor, "B"]
+    ) -> tuple[Float[Tensor, "B"], Float[Tensor, "B 165"]]:
+        """E of each frame as of `cost`, and a body's joints."""
         fused = self._posing(state)
         if fused is None:
-            return which.of(which.estimate(state, frames)).flatten(1)
-        joints, _ = fused.joints(state, frames, derivatives=False)
+            return self.cost(state, frames), which.of(which.estimate(state, frames)).flatten(1)
+        found = fused.evaluated(state, frames, joints=True)
+        return self._with_others(found.cost, state, frames), self._placed(which, found.joints, state, frames)
+
+    def normal_and_joints(
+        self, which: JointPositions, state: State, frames: Int[Tensor, "B"]
+    ) -> tuple[Normal, Float[Tensor, "B 165"], Float[Tensor, "B 165 d"]]:
+        """Costs and normal equations, a body's joints, and their derivatives by the free columns."""
+        fused = self._posing(state)
+        if fused is None:
+            joints = which.of(which.estimate(state, frames)).flatten(1)
+            return self.normal(state, frames), joints, self.joint_jacobian(which, state, frames)
+        found = fused.evaluated(state, frames, normal=True, rows=True)
+        joints, rows = self._placed(which, found.joints, state, frames), self._placed_rows(which, found.rows, frames)
+        return self._normal_with_others(found, state, frames), joints, rows
+
+    def joint_jacobian(self, which: JointPositions, state: State, frames: Int[Tensor, "B"]) -> Float[Tensor, "B 165 d"]:
+        """Derivatives of a body's joints by the free columns."""
+        fused = self._posing(state)
+        if fused is not None:
+            return self._placed_rows(which, fused.evaluated(state, frames, rows=True).rows, frames)
+        parts = torch.arange(len(frames), device=frames.device).split(jacobians_at_once(frames.device))
+        return torch.cat(
+            [
+                self.differentiated(lambda s, i=i: which.of(which.estimate(s, frames[i])).flatten(1), state[i])
+                for i in parts
+            ]
+        )
+
+    def _placed(self, which: JointPositions, joints: Tensor, state: State, frames: Tensor) -> Float[Tensor, "B 165"]:
+        """Joints that have no translation where `which` has them."""
         if which.in_camera:
             joints += state.vector[:, None, self.view.parametrisation.columns.translation]
         return which.in_still_space(joints, frames).flatten(1)
 
-    def joint_jacobian(self, which: JointPositions, state: State, frames: Int[Tensor, "B"]) -> Float[Tensor, "B 165 d"]:
-        """Their derivatives by the free columns."""
-        fused = self._posing(state)
-        if fused is None:
-            return self.differentiated(lambda s: which.of(which.estimate(s, frames)).flatten(1), state)
-        _, rows = fused.joints(state, frames, derivatives=True)
+    def _placed_rows(self, which: JointPositions, rows: Tensor, frames: Tensor) -> Float[Tensor, "B 165 d"]:
         if which.in_camera and self.free.translation:
             translation = self.view.parametrisation.columns.translation.start
             first = int((self.index == translation).nonzero())

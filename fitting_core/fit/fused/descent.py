@@ -87,15 +87,11 @@ def descend(
 ):
     """Levenberg-Marquardt of each frame, in place; the rule is that of `least_squares.Descent`.
 
-    With 0 iterations only the costs are computed, and gradients and matrices if their arrays are not empty; if the
-    array of joints is not empty, only those. One kernel for everything, so that cost and derivatives are compiled only
-    once: that is what takes long.
+    With 0 iterations only the costs are computed, and what else has an array that is not empty: gradients and matrices,
+    joints and their derivatives. One kernel for everything, so that cost and derivatives are compiled only once: that
+    is what takes long.
     """
     s, size = scratch.frame, c.clip.free
-    for i in range(len(joints)):
-        joints_of(c, frames[i], orient[i], x[i], scratch, joints[i], rows[i])
-    if len(joints):
-        return
     trial_orient, trial = s.trial_orient, s.trial[: x.shape[1]]
     for i in range(len(frames)):
         damping, growth, promised, rounding, predicted = _START, _GROWTH, 0.0, 0.0, math.inf
@@ -103,6 +99,7 @@ def descend(
         for step in range(iterations + 1):
             solved = True
             if step == 0:
+                s.turned_at[0] = math.inf
                 trial_orient[:] = orient[i]
                 trial[:] = x[i]
             else:
@@ -135,5 +132,8 @@ def descend(
                 if damping > _LARGEST:
                     ending[i] = CONVERGED if promised <= max(tolerance * before, rounding) else STALLED
                     break
-        if len(gradient) and cost[i] < math.inf:
+        derived = len(gradient) > 0 and cost[i] < math.inf
+        if derived:
             _copy_normal(s, size, gradient[i], matrix[i])
+        if len(joints):
+            joints_of(c, frames[i], scratch, derived, joints[i], rows[i])

@@ -26,6 +26,9 @@ from fitting_core.fit.terms.data import data_cost, set_data_rows
 from fitting_core.fit.terms.positions import position_cost, set_position_row
 from fitting_core.fit.variables.estimate import NEAREST
 
+_NEAR = 0.05**2
+"""Squared distance of two latents whose derivatives by the pose count as the same."""
+
 
 @helper
 def _no_cost(c, frame, orient, x, s, derivatives):
@@ -266,6 +269,19 @@ def _add_coefficients(point, low, at, rows, scratch):
 
 
 @helper
+def _renew_turns(c, s):
+    """`by_latent`, unless the latent has hardly moved since: it shapes the matrix, and the gradient does without."""
+    moved = 0.0
+    for k in range(c.clip.latent):
+        away = s.value[0, k] - s.turned_at[k]
+        moved += away * away
+    if moved > _NEAR:
+        turns_by_latent(c, s)
+        for k in range(c.clip.latent):
+            s.turned_at[k] = s.value[0, k]
+
+
+@helper
 def _to_state_columns(c, s):
     """From turn columns to state columns (lower triangle): the body's go through the pose prior.
 
@@ -284,7 +300,7 @@ def _to_state_columns(c, s):
             out[b - clip.shift] = line[b]
     if not clip.free_body or not len(c.layers):
         return
-    turns_by_latent(c, s)
+    _renew_turns(c, s)
     latent_gradient(c, s.gradient[BODY:HANDS], s, s.state_gradient[BODY : BODY + size])
     for a in range(clip.width):  # by_body = the body's columns of M in all rows, mirrored from the lower triangle
         line, own = s.matrix[a], s.by_body[a]

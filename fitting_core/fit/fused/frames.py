@@ -39,6 +39,22 @@ class Descents:
     evaluations: int
 
 
+@dataclass(frozen=True)
+class Evaluated:
+    """Of frames; empty where it was not asked for."""
+
+    cost: Float[Tensor, "B"]
+    """Infinite where a point is behind the camera."""
+    gradient: Float[Tensor, "B d"]
+    """Half of it, in the free columns."""
+    matrix: Float[Tensor, "B d d"]
+    """Half the Gauss-Newton matrix."""
+    joints: Float[Tensor, "B 55 3"]
+    """Without camera translation."""
+    rows: Float[Tensor, "B 165 d"]
+    """Their derivatives by the free columns with the translation fixed."""
+
+
 class FusedFrames:
     """E_o of a clip's frames, as far as kernels exist for its terms.
 
@@ -68,50 +84,26 @@ class FusedFrames:
         other._constants = known.with_data(self._constants, data)
         return other
 
-    def cost(self, state: State, frames: Int[Tensor, "B"]) -> Float[Tensor, "B"]:
-        """Infinite where a point is behind the camera."""
-        return self._evaluated(state, frames, 0)[0]
-
-    def normal(
-        self, state: State, frames: Int[Tensor, "B"]
-    ) -> tuple[Float[Tensor, "B"], Float[Tensor, "B d"], Float[Tensor, "B d d"]]:
-        """Costs, half gradients and half Gauss-Newton matrices in the free columns."""
-        return self._evaluated(state, frames, len(frames))
-
-    def _evaluated(self, state: State, frames: Tensor, derivatives: int) -> tuple[Tensor, Tensor, Tensor]:
-        """Costs, and the derivatives of all frames or of none."""
-        size, result = int(self._constants.clip["free"]), _Results.of(len(frames))
-        gradient, matrix = np.zeros((derivatives, size)), np.zeros((derivatives, size, size))
+    def evaluated(
+        self, state: State, frames: Int[Tensor, "B"], *, normal: bool = False, joints: bool = False, rows: bool = False
+    ) -> "Evaluated":
+        """Costs, and what else is asked for; the derivatives of joints are those of held betas."""
+        assert not (rows and self._constants.clip["free_betas"]), "the betas of frames fitted together are held"
+        count, width, result = len(frames), int(self._constants.clip["free"]), _Results.of(len(frames))
+        slopes, posed = count if normal else 0, count if joints or rows else 0
+        gradient, matrix = np.zeros((slopes, width)), np.zeros((slopes, width, width))
+        places = np.zeros((posed, N_JOINTS, 3))
+        by_columns = np.zeros((posed, 3 * N_JOINTS, width) if rows else (posed, 0, 0))
         orient, vector = state.orient.numpy().copy(), state.vector.numpy().copy()
 
         def work(piece: slice, scratch: Scratch) -> None:
             start = frames[piece].numpy(), orient[piece], vector[piece]
-            normal = gradient[piece], matrix[piece]
-            descent.descend(self._constants, *start, scratch, 0, 0.0, *result[piece], *normal, *_NO_JOINTS)
+            derived = gradient[piece], matrix[piece], places[piece], by_columns[piece]
+            descent.descend(self._constants, *start, scratch, 0, 0.0, *result[piece], *derived)
 
-        for _ in self._shared_out(len(frames), work):
+        for _ in self._shared_out(count, work):
             pass
-        return torch.from_numpy(result.cost), torch.from_numpy(gradient), torch.from_numpy(matrix)
-
-    def joints(
-        self, state: State, frames: Int[Tensor, "B"], *, derivatives: bool
-    ) -> tuple[Float[Tensor, "B 55 3"], Float[Tensor, "B 165 d"]]:
-        """The joints without camera translation, and their derivatives by the free columns with the translation fixed;
-        no derivatives without `derivatives`."""
-        assert not self._constants.clip["free_betas"], "the betas of frames that are fitted together are held"
-        joints = np.zeros((len(frames), N_JOINTS, 3))
-        width = int(self._constants.clip["free"])
-        rows = np.zeros((len(frames), 3 * N_JOINTS, width) if derivatives else (len(frames), 0, 0))
-        orient, vector = state.orient.numpy(), state.vector.numpy()
-
-        def work(piece: slice, scratch: Scratch) -> None:
-            start = frames[piece].numpy(), orient[piece], vector[piece]
-            nothing = *_Results.of(0)[:], *_NO_NORMAL
-            descent.descend(self._constants, *start, scratch, 0, 0.0, *nothing, joints[piece], rows[piece])
-
-        for _ in self._shared_out(len(frames), work):
-            pass
-        return torch.from_numpy(joints), torch.from_numpy(rows)
+        return Evaluated(*map(torch.from_numpy, (result.cost, gradient, matrix, places, by_columns)))
 
     def descend(
         self, state: State, frames: Int[Tensor, "B"], *, iterations: int, tolerance: float
@@ -123,8 +115,7 @@ class FusedFrames:
 
         def work(piece: slice, scratch: Scratch) -> None:
             start = frames[piece].numpy(), orient[piece], vector[piece]
-            found = *result[piece], *_NO_NORMAL, *_NO_JOINTS
-            descent.descend(self._constants, *start, scratch, iterations, tolerance, *found)
+            descent.descend(self._constants, *start, scratch, iterations, tolerance, *result[piece], *_NOTHING)
 
         for piece in self._shared_out(len(frames), work):
             yield Descents(
@@ -175,8 +166,8 @@ class _Results:
         return self.cost[piece], self.ending[piece], self.evaluations[piece]
 
 
-_NO_NORMAL = np.zeros((0, 0)), np.zeros((0, 0, 0))
-_NO_JOINTS = np.zeros((0, 0, 0)), np.zeros((0, 0, 0))
+_NOTHING = np.zeros((0, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0, 0))
+"""No gradients, matrices, joints and derivatives of joints."""
 
 
 def compile_all() -> None:
@@ -198,4 +189,4 @@ def compile_all() -> None:
         frames=np.zeros(0, k.FRAME),
     )
     start = np.zeros(0, np.int64), np.zeros((0, 3, 3)), np.zeros((0, 1))
-    descent.descend(constants, *start, scratch_for(constants), 1, 0.0, *_Results.of(0)[:], *_NO_NORMAL, *_NO_JOINTS)
+    descent.descend(constants, *start, scratch_for(constants), 1, 0.0, *_Results.of(0)[:], *_NOTHING)

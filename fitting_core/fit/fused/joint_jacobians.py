@@ -1,32 +1,33 @@
 """How a frame's joints depend on the free columns, for terms over time."""
 
-from fitting_core.fit.compiled.body import move_by_coefficients, pose_skeleton, turn_joints, update_turn_axes
+from fitting_core.fit.compiled.body import move_by_coefficients, update_turn_axes
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import BODY, FIRST_FINGER, JAW_JOINT, N_BODY, N_JOINTS
 from fitting_core.fit.compiled.network import turns_by_latent
 
 
 @helper
-def joints_of(c, frame, orient, x, scratch, joints, rows):
-    """The joints without translation, (55, 3), and their derivatives by the free columns, (165, free), if `rows` is not
-    empty."""
+def joints_of(c, frame, scratch, derived, joints, rows):
+    """The joints without translation, (55, 3), right after `cost_of`, and their derivatives by the free columns,
+    (165, free), if `rows` is not empty; `derived`: right after `derive`."""
     s = scratch.frame
-    turn_joints(c, orient, x, s, True)
-    pose_skeleton(c, x, s)
     for j in range(N_JOINTS):
         for d in range(3):
             joints[j, d] = s.joints[j, d]
     if len(rows):
-        update_turn_axes(s)
-        if c.clip.free_body and len(c.layers):
-            turns_by_latent(c, s)
-        _set_rows(c, frame, scratch, rows)
+        if not derived:
+            update_turn_axes(s)
+            if c.clip.free_body and len(c.layers):
+                turns_by_latent(c, s)
+            if c.clip.free_face:
+                move_by_coefficients(c, frame, 10, 20, scratch)
+        _set_rows(c, s, rows)
 
 
 @helper
-def _set_rows(c, frame, scratch, rows):
+def _set_rows(c, s, rows):
     """From the root down: a joint moves with its parent, and rotates about it with all that rotates the parent."""
-    s, f = scratch.frame, c.clip
+    f = c.clip
     hands = BODY + (f.latent if f.free_body else 0)
     jaw = hands + (2 * f.hand if f.free_hands else 0)
     for k in range(f.free):
@@ -45,7 +46,6 @@ def _set_rows(c, frame, scratch, rows):
             here[0, k], here[1, k], here[2, k] = t0, t1, t2
         _add_own_turn(c, j, hands, jaw, s)
     if f.free_face:
-        move_by_coefficients(c, frame, 10, 20, scratch)
         for j in range(N_JOINTS):
             for d in range(3):
                 for k in range(10):

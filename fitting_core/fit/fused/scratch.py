@@ -24,6 +24,7 @@ FRAME = np.dtype(
         ("turns", np.float32, (MOST_LATENT, 3 * N_BODY)),
         ("sixes", _F, (N_BODY, 3, 6)),
         ("by_latent", _F, (MOST_LATENT, 64)),
+        ("turned_at", _F, MOST_LATENT),  # the latent that `by_latent` belongs to
         ("local", _F, (N_JOINTS, 3, 3)),
         ("chart", _F, (N_JOINTS, 3, 3)),
         ("world", _F, (N_JOINTS, 3, 3)),

@@ -4,7 +4,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core.fit.objective import FrameObjective, jacobians_at_once
+from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.solvers.banded import solve_block_banded
 from fitting_core.fit.solvers.problem import OnFrames, mean_costs
 from fitting_core.fit.terms.temporal import REACH, Smoothness, off_mean
@@ -33,10 +33,10 @@ class _SmoothnessOf:
     """
 
     def __init__(self, term: Smoothness, objective: FrameObjective, clip: State, free: range, span: range) -> None:
-        self.term, self.objective, self.free = term, objective, free
+        self.term = term
         self.local = slice(free.start - span.start, free.stop - span.start)
         """The free frames in the span."""
-        self.held = self._joints(clip[span.start : span.stop], span)
+        self.held = objective.joints(term.joints, clip[span.start : span.stop], _index(span, clip))
         # L^T L, with c = 1 on frames that have a residual: c[i-1] + 4 c[i] + c[i+1] on the diagonal, -2 (c[i] + c[i+1])
         # next to it and c[i+1] two below it, times (weight / 3)^2.
         c = self.held.new_zeros(len(span) + 4)
@@ -48,45 +48,36 @@ class _SmoothnessOf:
             for k, band in enumerate(bands)
         ]
 
-    def _joints(self, state: State, frames: range) -> Float[Tensor, "n 165"]:
-        return self.objective.joints(self.term.joints, state, _index(frames, state))
+    def _residuals(self, joints: Float[Tensor, "n 165"]) -> Float[Tensor, "c 165"]:
+        """With these joints of the free frames, the others as they were."""
+        everything = self.held.clone()
+        everything[self.local] = joints
+        return self.term.weight * off_mean(everything)
 
-    def _residuals(self, state: State) -> Float[Tensor, "c 165"]:
-        """Of the free frames in their current state, the others as they were."""
-        joints = self.held.clone()
-        joints[self.local] = self._joints(state, self.free)
-        return self.term.weight * off_mean(joints)
+    def cost(self, joints: Float[Tensor, "n 165"]) -> Tensor:
+        """With these joints of the free frames, the others as they were."""
+        return self._residuals(joints).square().sum()
 
-    def cost(self, state: State) -> Tensor:
-        """Of the free frames in their current state, the others as they were."""
-        return self._residuals(state).square().sum()
-
-    def add(self, state: State, gradient: Tensor, bands: list[Tensor]) -> Tensor:
+    def add(self, joints: Tensor, rows: Float[Tensor, "n 165 d"], gradient: Tensor, bands: list[Tensor]) -> Tensor:
         """Adds its half gradient and half matrix, and returns its cost.
 
-        The matrix is built by blocks: band k couples each frame with the one k frames later. In chunks of frames, which
-        also need the Jacobians of the last frames before them.
+        The matrix is built by blocks: band k couples each frame with the one k frames later.
+
+        Args:
+            joints: of the free frames.
+            rows: their derivatives D by the free columns.
+            gradient: of the free frames.
+            bands: of the matrix.
         """
-        residuals = self._residuals(state)
+        residuals = self._residuals(joints)
         # Residual i is w/3 (-q[i] + 2 q[i+1] - q[i+2]): L^T puts it back on these three frames with the same factors.
         by_joints = torch.zeros_like(self.held)  # L^T r
         for offset, factor in ((0, -1), (1, 2), (2, -1)):
             by_joints[offset : offset + len(residuals)] += self.term.weight / 3 * factor * residuals
-        by_joints = by_joints[self.local]
-        before = gradient.new_zeros(0, self.held.shape[1], gradient.shape[1])
-        at_once = jacobians_at_once(state.vector.device)
-        for start in range(0, len(state), at_once):
-            stop = min(start + at_once, len(state))
-            frames = _index(range(self.free.start + start, self.free.start + stop), state)
-            rows = self.objective.joint_jacobian(self.term.joints, state[start:stop], frames)
-            gradient[start:stop] += (rows.mT @ by_joints[start:stop, :, None])[..., 0]
-            # Block (i + k, i) of the half matrix: factor x D_{i+k}^T D_i.
-            known, begin = torch.cat([before, rows]), start - len(before)
-            for k, factor in enumerate(self.factors):
-                earlier = slice(max(start - k, 0), max(stop - k, 0))
-                one, other = (known[earlier.start + by - begin : earlier.stop + by - begin] for by in (k, 0))
-                bands[k][earlier] += factor[earlier] * (one.mT @ other)
-            before = known[-2 * REACH :]
+        gradient += (rows.mT @ by_joints[self.local][..., None])[..., 0]
+        # Block (i + k, i) of the half matrix: factor x D_{i+k}^T D_i.
+        for k, (band, factor) in enumerate(zip(bands, self.factors, strict=True)):
+            band += factor * (rows[k:].mT @ rows[: len(band)])
         return residuals.square().sum()
 
 
@@ -127,24 +118,28 @@ class Sequence(OnFrames):
 
     def cost(self, state: State, groups: Tensor) -> Float[Tensor, "1"]:
         """E of the free frames."""
-        own = self.objective.cost(state, self.frames).sum()
-        return (own if self.smoothness is None else own + self.smoothness.cost(state))[None]
+        if self.smoothness is None:
+            return self.objective.cost(state, self.frames).sum()[None]
+        own, joints = self.objective.cost_and_joints(self.smoothness.term.joints, state, self.frames)
+        return (own.sum() + self.smoothness.cost(joints))[None]
 
     def terms(self, state: State) -> dict[str, float]:
         """Of E_o, and E_T."""
         costs = mean_costs(self.objective.costs(state, self.frames))
         if self.smoothness is not None:
-            costs[self.smoothness.term.name] = float(self.smoothness.cost(state)) / len(self.frames)
+            joints = self.objective.joints(self.smoothness.term.joints, state, self.frames)
+            costs[self.smoothness.term.name] = float(self.smoothness.cost(joints)) / len(self.frames)
         return costs
 
     def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
         """Cost, gradient, diagonal blocks, and the blocks one and two below, if E_T counts."""
-        n = self.objective.normal(state, self.frames)
+        if self.smoothness is None:
+            n = self.objective.normal(state, self.frames)
+            return n.cost.sum()[None], n.gradient[None], n.matrix[None]
+        n, joints, rows = self.objective.normal_and_joints(self.smoothness.term.joints, state, self.frames)
         count, width = n.gradient.shape
-        bands, cost = [n.matrix], n.cost.sum()
-        if self.smoothness is not None:
-            bands += [n.matrix.new_zeros(max(count - k, 0), width, width) for k in range(1, 2 * REACH + 1)]
-            cost = cost + self.smoothness.add(state, n.gradient, bands)
+        bands = [n.matrix, *(n.matrix.new_zeros(max(count - k, 0), width, width) for k in range(1, 2 * REACH + 1))]
+        cost = n.cost.sum() + self.smoothness.add(joints, rows, n.gradient, bands)
         return cost[None], n.gradient[None], *(band[None] for band in bands)
 
     def solve(self, normal: tuple[Tensor, ...], damping: Tensor) -> Step:

@@ -130,7 +130,7 @@ def test_blocks_and_gradient(
     tiny_body: BodyModel, case: str, latent: bool, camera: bool, moves: bool, monkeypatch: pytest.MonkeyPatch
 ):
     """The bands against dense Gauss-Newton, the gradient against autograd of the cost; chunks of 3 frames."""
-    monkeypatch.setattr("fitting_core.fit.solvers.sequence.jacobians_at_once", lambda _: 3)
+    monkeypatch.setattr("fitting_core.fit.objective.jacobians_at_once", lambda _: 3)
     frames, free, windowed = CASES[case]
     scene = Scene(tiny_body, frames, camera=camera, latent=latent, path=a_path(frames) if moves else None)
     sequence = scene.sequence(free, Free(betas=False, face=False, hands=not latent), windowed=windowed)
