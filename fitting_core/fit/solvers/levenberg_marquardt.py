@@ -31,7 +31,7 @@ class LevenbergMarquardt:
         kept: on 13 signing frames a mean cost of 5131 directly, 4358 widened, 4295 with both, 4329 with L-BFGS.
         """
         settings = self.settings
-        last = settings.sequence_tolerance if problem.coupled_in_time else settings.final_tolerance
+        last = settings.sequence_tolerance if problem.coupled else settings.final_tolerance
         passing = max(last, settings.stage_tolerance)
         soft, evaluations = problem.softened(), 0
         direct = start

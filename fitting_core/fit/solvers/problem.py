@@ -23,7 +23,8 @@ class Problem(LeastSquares[State], Protocol):
 
     objective: FrameObjective
     groups: int
-    coupled_in_time: bool
+    coupled: bool
+    """Whether a group has several frames."""
     cold: bool
     """Whether the start is far from the solution, as in a sequence of stages, or near it."""
     unknowns: int
@@ -75,7 +76,7 @@ def mean_costs(costs: dict[str, Float[Tensor, "B"]]) -> dict[str, float]:
 class IndependentFrames(OnFrames):
     """Every frame independently: phase 1."""
 
-    coupled_in_time = False
+    coupled = False
 
     def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"], *, cold: bool = False) -> None:
         self.objective, self.frames, self.groups, self.cold = objective, frames, len(frames), cold
@@ -136,7 +137,7 @@ class SharedShape(OnFrames):
     """
 
     groups = 1
-    coupled_in_time = False
+    coupled = True
 
     def __init__(self, sample: Sample) -> None:
         self.objective, self.sample = sample.objective, sample

@@ -99,7 +99,7 @@ class Sequence(OnFrames):
     """
 
     groups = 1
-    coupled_in_time = True
+    coupled = True
 
     def __init__(self, objective: FrameObjective, clip: State, free: range, *, windowed: bool = False) -> None:
         self.objective = objective

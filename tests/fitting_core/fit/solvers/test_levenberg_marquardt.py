@@ -35,7 +35,7 @@ def powell(x: Tensor) -> Tensor:
 class Toy:
     """Independent least squares problems in the columns 3 and on of a state; cost infinite where `allowed` says no."""
 
-    coupled_in_time = False
+    coupled = False
     cold = False
 
     def __init__(
