@@ -48,8 +48,8 @@ class SolverSettings:
     final_tolerance: float = 1e-6
     """lm: the same for the last stage of a phase."""
     sequence_tolerance: float = 3e-5
-    """lm: the same where frames are coupled (phase 3): below it one frame at a time wanders along its valley, 0.1 % of
-    the cost in 50 more steps."""
+    """lm: the same where frames are coupled (phases 2 and 3): below it one frame at a time wanders along its valley,
+    0.1 % of the cost in 50 more steps."""
     camera_tolerance: float = 1e-6
     """lm: the same for the camera step of phase 1."""
     iterations: int = 60
@@ -112,9 +112,8 @@ class FitConfig:
     curled_hands: bool = False
     """Phase 1: start stage 5 with hands halfway to a fist instead of open."""
     limb_flips: bool = False
-    """Phase 1: restart frames with their arms and legs mirrored in depth, one at a time, and keep the best."""
-    limb_flips_every: int = 1
-    """Of how many frames one has its limbs mirrored; the relay carries what it found to the others."""
+    """Phase 1: restart key frames with arms and legs mirrored in depth where the lifter has them elsewhere, one at a
+    time, and keep the best."""
     camera_frozen: bool = False
     """Phase 1: keep the translation of the camera step, as SMPLify-X does."""
     silhouettes: bool = False
@@ -148,10 +147,8 @@ PRESETS: dict[str, FitConfig] = {
         # Only neighbours that changed are tried again, so more rounds cost no more time. After 3 of them a bad stretch
         # of 14 frames was left: vertex-to-surface 3.67 -> 2.32 cm (suite, complex_1).
         relay_rounds=20,
-        # 2.82 -> 2.32 and 2.72 -> 2.31 cm (complex_2, complex_6); every frame 2.44 cm, in twice the time. The balancing
-        # clips come out the same.
+        # 2.82 -> 2.32 and 2.72 -> 2.31 cm (suite, complex_2, complex_6). The balancing clips come out the same.
         limb_flips=True,
-        limb_flips_every=8,
         curled_hands=True,
         silhouettes=True,
         shape_sample=ShapeSample(strategy="coverage", stages=(5,)),

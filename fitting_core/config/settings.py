@@ -91,7 +91,6 @@ RANGES: dict[str, Range] = {
     "start_deviation": _POSITIVE,
     "height": Range(50, 250),
     "key_frames_every": Range(1),
-    "limb_flips_every": Range(1),
 }
 """Numbers of all other settings are finite and 0 or more."""
 LARGEST = 1e12

@@ -25,6 +25,7 @@ from fitting_core.fit.solvers import Solver, make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.solvers.solution import Solution, joined_solutions
 from fitting_core.fit.stages import N_STAGES, Stages
+from fitting_core.fit.terms.temporal import JointPositions
 from fitting_core.fit.variables.state import State
 from fitting_core.results.provenance import TURNED, Start
 from fitting_core.video.frame_names import spans
@@ -41,6 +42,9 @@ frames between these, and the relay among all frames. Processor time of the demo
 """
 _LOWER = 1e-4
 """A relayed start must lower a frame's cost by this fraction to be accepted."""
+_ELSEWHERE = 0.03
+"""Metres that a joint of a neighbour is away at least where a frame restarts from it. Frames that follow each other
+agree within less where both are in one minimum."""
 _FLIP_ROUNDS = 2
 """Limbs are mirrored again where that helped: another one may now be better."""
 _FLIP_ITERATIONS = 8
@@ -333,7 +337,7 @@ class _Frames:
                 begin, end = (1 - 0.5 ** (k + half) for half in ((0.0, 0.5) if offset > 0 else (0.5, 1.0)))
                 part = _part(share, begin, end)
                 # A neighbour that has not changed since it was tried would give the same result.
-                target, source = _with_fresh_neighbour(self.frames, fresh | changed, offset)
+                target, source = self._elsewhere(fits, *_with_fresh_neighbour(self.frames, fresh | changed, offset))
                 if not len(target):
                     continue
                 begun = fits.restarted(target, fits.state[source], start)
@@ -345,28 +349,34 @@ class _Frames:
             fresh = changed
         return fits
 
+    def _elsewhere(self, fits: FrameFits, target: Tensor, source: Tensor) -> tuple[Tensor, Tensor]:
+        """Those of the pairs whose bodies differ: from a body like its own, a frame would descend to where it is."""
+        joints = JointPositions(self.stages.body, self.stages.parametrisation, in_camera=False)
+        own, other = joints(fits.state[target]), joints(fits.state[source])
+        apart = (own - other).norm(dim=2).amax(1) > _ELSEWHERE
+        apart |= ~fits.cost[target].isfinite()
+        return target[apart], source[apart]
+
     def flip_limbs(self, objective: _LastStage, fits: FrameFits) -> Generator[PhaseStep, None, FrameFits]:
-        """Frames restart with their limbs mirrored in depth, one at a time, and keep the lowest cost."""
+        """Frames restart with limbs mirrored in depth whose depth is in doubt, one at a time, and keep the lowest
+        cost."""
         stages, settings = self.stages, self.stages.config.settings
         flips = LimbFlips(stages)
         quick = make_solver(stages.config.solver, replace(settings, iterations=_FLIP_ITERATIONS, rounds=1))
-        given, searched = self.divided()
-        stride = max(1, stages.config.limb_flips_every // stages.config.key_frames_every)
-        frames = torch.cat([given[:: stages.config.limb_flips_every], searched[::stride]]).sort().values
-        frames = frames[fits.cost[frames].isfinite()]
+        frames = self.frames[fits.cost[self.frames].isfinite()]
         for k in range(_FLIP_ROUNDS):
-            if not len(frames):
+            # Short trials of every mirrored limb, then full ones of the few that come near the current cost.
+            every, tried = list(flips.every(fits.state[frames], frames)), list[FrameFits]()
+            if not every:
                 break
             share = _part((_SEATED, _FLIPPED), 1 - 0.2**k, 1 - 0.2 ** (k + 1))  # the second round has a fifth of them
-            # Short trials of every mirrored limb, then full ones of the few that come near the current cost.
-            every, tried = list(flips.every(fits.state[frames])), list[FrameFits]()
-            for flip, mirrored in every:
+            for flip, rows, mirrored in every:
                 part = _part(share, len(tried) / (len(every) + 1), (len(tried) + 1) / (len(every) + 1))
-                start, label = fits.restarted(frames, mirrored, flip), mirrored_label(flip)
-                trial = yield from self.only(frames, quick)._restart(objective, start, label, part)
+                start, label = fits.restarted(frames[rows], mirrored, flip), mirrored_label(flip)
+                trial = yield from self.only(frames[rows], quick)._restart(objective, start, label, part)
                 tried.append(trial[frames])
             before = fits.cost
-            kept = torch.stack([trial.cost for trial in tried]).topk(_FLIPS_KEPT, 0, largest=False)
+            kept = torch.stack([trial.cost for trial in tried]).topk(min(_FLIPS_KEPT, len(tried)), 0, largest=False)
             # Row k has each frame's k-th cheapest trial, so a later row cannot hold hope where this one has none.
             for costs, which in zip(kept.values, kept.indices, strict=True):
                 hopeful = costs < _HOPEFUL * before[frames]

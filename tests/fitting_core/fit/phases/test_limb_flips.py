@@ -109,13 +109,17 @@ def test_a_mirrored_limb_is_turned_back(scene: tuple[Stages, State]):
     assert set(freed.start.tolist()) <= mirrored and Start.LEFT_ARM in freed.start
 
 
-@pytest.mark.parametrize("every", [3, 0])
-def test_the_relay_carries_a_limb_that_was_turned_back(scene: tuple[Stages, State], every: int):
-    """Of three frames only the first has its limbs mirrored, and all three are freed; without any they stay."""
+def test_only_limbs_in_doubt_are_mirrored(scene: tuple[Stages, State]):
+    """The lifter knows the truth: nothing of that is mirrored, and of a body with a wrong forearm that arm is."""
     stages, truth = scene
-    config = replace(CONFIG, relay_rounds=2, limb_flips=every > 0, limb_flips_every=max(every, 1))
-    stuck, lowest = stuck_of(stages, truth)
-    stages = Stages.of(stages.keypoints, stages.camera, stages.body, config)
-    run = _Frames(stages, make_solver("lm", config.settings), FRAMES)
-    freed = finished(run.relay(stuck, stuck.state, run)).cost
-    assert (freed < 1.02 * lowest).all() if every else (freed > 1.05 * lowest).all()
+    places = LimbFlips(stages).positions(truth)[:, [JOINT.get(name, 0) for name in kp.BODY_25]]
+    known = stages.observations.relative_position.clone(), stages.observations.relative_position_deviation.clone()
+    known[0][:, kp.BODY], known[1][:, kp.BODY] = places, 0.05
+    observations = replace(stages.observations, relative_position=known[0], relative_position_deviation=known[1])
+    flips = LimbFlips(replace(stages, observations=observations))
+    assert not list(flips.every(truth, FRAMES))
+    wrong = flipped(stages, truth, "left_arm", upper=False, lower=True)
+    mixed = State.cat([truth[:1], wrong[1:]])
+    found = list(flips.every(mixed, FRAMES))
+    assert {start for start, *_ in found} == {Start.LEFT_ARM, Start.LEFT_HAND}
+    assert all(rows.tolist() == [1, 2] and len(state) == 2 for _, rows, state in found)
