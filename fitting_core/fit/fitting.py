@@ -4,7 +4,7 @@ import threading
 import time
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial, wraps
+from functools import wraps
 from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
@@ -28,9 +28,9 @@ from fitting_core.fit.events import (
     mapped,
 )
 from fitting_core.fit.fused.ready import prepare_for
-from fitting_core.fit.grounded import grounding_of_params, holding_feet
+from fitting_core.fit.grounded import grounding_of_params
 from fitting_core.fit.phase_figures import phase_result
-from fitting_core.fit.phases.consistency import Consistency, coupled
+from fitting_core.fit.phases.consistency import Consistency, coupled, ever_firmer
 from fitting_core.fit.phases.frame_fits import FrameFits
 from fitting_core.fit.phases.independent import fit_frames
 from fitting_core.fit.phases.limb_flips import mirrored_as_told
@@ -44,7 +44,6 @@ from fitting_core.fit.uncertainty.calibration import error_bars
 from fitting_core.fit.variables.state import State
 from fitting_core.fit.views.relating import related
 from fitting_core.keypoints import SEEN
-from fitting_core.results.error_bars import ErrorBars
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.results.given_start import GivenStart, KnownShape
 from fitting_core.results.provenance import Provenance, Start
@@ -58,11 +57,6 @@ PHASE_TITLES = {1: "every frame on its own", 2: "one shape", 3: "consistency ove
 
 KnownFrames = tuple[BodyParams, Bool[np.ndarray, "T"]]
 """Bodies of all frames, and which of them are known."""
-_FIRMNESS = (0.0, 0.2, 1.0)
-"""Shares of the weight of held feet in one run of phase 3 after the other: held gently first, they find a place that
-agrees better with the legs (evaluation/RESULTS/real_clips.md)."""
-_ROUGH = 1e-3
-"""`SolverSettings.sequence_tolerance` of all runs but the last: three of them take no longer than two precise ones."""
 
 
 class _OneThread:
@@ -215,7 +209,7 @@ def rerun_events(
 
     state = stages.parametrisation.from_params(params[slice(near.start, near.stop)])
     state = mirrored_as_told(stages, state, stages.all_frames[inner])
-    again = _ever_firmer(
+    again = ever_firmer(
         lambda state: consistency.rerun(state, moving), consistency, state, whole, params_of=with_fresh, near=near
     )
     state = yield from _events(again, 3)
@@ -344,8 +338,8 @@ class _Fit:
         params = with_shape(self.body, before, np.tile(betas, (len(before), 1)))
         self.size = self.stages.fitted.size * float(height_of(self.body, betas) / height_of(self.body, own))
         yield self._finish(2, one_shape, start, notes, sample=(found.state, found.frames), params=params)
-        sized = Stages.of_clip(self.clip, self.body, self.config, start=self.start, size=self.size)
-        self.stages = replace(sized, lifter=self.stages.lifter)
+        lifter, size = self.stages.lifter, self.size
+        self.stages = Stages.of_clip(self.clip, self.body, self.config, start=self.start, size=size, lifter=lifter)
         for where, values in ((columns.betas, params.betas), (columns.translation, params.camera_translation)):
             state = state.with_columns(where, values.to(state.vector))
         return state
@@ -365,12 +359,15 @@ class _Fit:
         consistency = Consistency(self.stages, self.solver)
         mode = {"global": consistency.all_at_once, "sliding_window": consistency.sliding_window}
         run, to_params = mode[self.config.temporal.mode], self.stages.parametrisation.to_params
-        held = _ever_firmer(run, consistency, state, self.stages, params_of=to_params, near=range(len(state)))
+        held = ever_firmer(run, consistency, state, self.stages, params_of=to_params, near=range(len(state)))
         state = yield from _events(held, 3)
         before = self.provenance or Provenance.unknown(len(state))
         self.provenance = replace(before, stopped=consistency.stopped)
-        bars = error_bars(consistency.stages, state)
-        yield self._finish(3, state, start, tuple(consistency.notes), stages=consistency.stages, bars=bars)
+        yield self._finish(3, state, start, tuple(consistency.notes), stages=consistency.stages)
+        assert self.result is not None
+        # The result is shown meanwhile.
+        last = replace(self.result.last, error_bars=error_bars(consistency.stages, state))
+        self.result = replace(self.result, phases=(*self.result.phases[:-1], last))
 
     def _finish(
         self,
@@ -382,14 +379,13 @@ class _Fit:
         sample: tuple[State, Tensor] | None = None,
         params: BodyParams | None = None,
         stages: Stages | None = None,
-        bars: ErrorBars | None = None,
     ) -> PhaseFinished:
         result = phase_result(
             stages or self.stages, phase, state, seconds=time.perf_counter() - start, notes=notes, sample=sample
         )
         if params is not None:
             result = replace(result, params=params)
-        result = replace(result, provenance=self.provenance, error_bars=bars)
+        result = replace(result, provenance=self.provenance)
         self.phases.append(result)
         self.result = self._result()
         return PhaseFinished(phase=phase, result=result, so_far=self.result)
@@ -429,46 +425,6 @@ class _Fit:
         near = self.config.start_deviation
         hold = "not held near it" if near is None else f"held near it (start_deviation {near:g} m)"
         return (*self.start.about.notes, f"{self.start.about.sentence()} The fit is {hold}.")
-
-
-def _ever_firmer(
-    run: Callable[[State], Generator[PhaseStep, None, State]],
-    consistency: Consistency,
-    state: State,
-    whole: Stages,
-    *,
-    params_of: Callable[[State], BodyParams],
-    near: range,
-) -> Generator[PhaseStep, None, State]:
-    """Phase 3, and again with the feet held where they stand after it, if any do: gently, and firmly where they stand
-    then. The result of phase 1 is too inaccurate in depth for holding.
-
-    Args:
-        run: phase 3.
-        consistency: of `run`; keeps the stages with the feet held.
-        state: before phase 3.
-        whole: stages of all frames.
-        params_of: all frames, with what `run` found.
-        near: the frames of `consistency`.
-    """
-    config, solver, grounding = whole.config, consistency.solver, None
-    if not any(config.weights.held_position):
-        return (yield from run(state))
-    tolerance = max(_ROUGH, config.settings.sequence_tolerance)
-    rough = make_solver(config.solver, replace(config.settings, sequence_tolerance=tolerance))
-    for k, firmness in enumerate(_FIRMNESS):
-        if firmness:
-            params = params_of(state)
-            grounding = grounding or grounding_of_params(whole, params)
-            held = holding_feet(whole, params, grounding, firmness=firmness)
-            if held is not None:
-                consistency.stages = held.within(near)
-            elif firmness < 1:
-                continue
-        consistency.solver = rough if firmness < 1 else solver
-        step = partial(PhaseStep.between, begin=k / len(_FIRMNESS), end=(k + 1) / len(_FIRMNESS))
-        state = yield from mapped(run(state), step)
-    return state
 
 
 def _events(steps: Generator[PhaseStep, None, Outcome], phase: int) -> Generator[FitEvent, None, Outcome]:

@@ -141,6 +141,7 @@ class Stages:
         size: float | None = None,
         silhouettes: Silhouettes | None = None,
         located: PointsInSpace | None = None,
+        lifter: LifterEvidence | None = None,
     ) -> "Stages":
         """The stages of a whole clip.
 
@@ -155,13 +156,14 @@ class Stages:
             size: of the person, `FitResult.size`; None: as a fit begins.
             silhouettes: the person's outlines, used if `config.silhouettes` says so.
             located: points that other views locate, used if the lifter's are.
+            lifter: of the same keypoints; None: it is made.
         """
         fitted, reference = FittedBody(body, config), config.temporal.reference_rate
         size = size or fitted.size
         observations = Observations.of(
             keypoints, camera, config, detector=detector, dtype=fitted.dtype, device=fitted.device
         )
-        lifter = LifterEvidence(observations.keypoints, camera, frame_rate)
+        lifter = lifter or LifterEvidence(observations.keypoints, camera, frame_rate)
         if any(config.weights.relative_position):
             observations = observations.lifted(lifter.lifted, size=size)
             observations = observations if located is None else observations.viewed(located, size=size)
@@ -182,7 +184,13 @@ class Stages:
 
     @staticmethod
     def of_clip(
-        clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None, size: float | None = None
+        clip: Clip,
+        body: BodyModel,
+        config: FitConfig,
+        *,
+        start: GivenStart | None = None,
+        size: float | None = None,
+        lifter: LifterEvidence | None = None,
     ) -> "Stages":
         """The same for a clip, with its detector, frame rate and other views."""
         return Stages.of(
@@ -196,6 +204,7 @@ class Stages:
             size=size,
             silhouettes=clip.silhouettes,
             located=points_in_space(related(clip)) if clip.views and any(config.weights.relative_position) else None,
+            lifter=lifter,
         )
 
     def holding(self, stances: Stances) -> "Stages":

@@ -15,7 +15,7 @@ from fitting_core.clips.people import PersonInClip, people_of
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError, printable
 from fitting_core.files.atomic import sweep
-from fitting_core.fit.events import FitEvent, PhaseFinished
+from fitting_core.fit.events import Finished, FitEvent, PhaseFinished
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.io.motion_files import motion_of
 from fitting_core.io.people_file import PEOPLE_NAME, holds_people, read_people_file, write_people_file
@@ -116,20 +116,24 @@ def _fit_and_write(
     command: str,
     begins: Callable[[], None],
 ) -> tuple[FitResult, dict[str, Any]]:
-    """Run all phases, and write the result after each."""
-    finished: PhaseFinished | None = None
+    """Run all phases, and write the result after each; that of the last is the end's, which has error bars."""
+    finished: FitResult | None = None
     summary: dict[str, Any] = {}
     progress = ProgressShown(range(1, last_phase + 1))
 
     def take(event: FitEvent) -> None:
-        nonlocal finished, summary
         progress.show(event)
-        if isinstance(event, PhaseFinished):
-            if finished is None:
-                begins()
-            complete = event.phase == last_phase
-            summary = write_result(folder, event.so_far, clip, body, complete=complete, command=command)
-            finished = event
+        if isinstance(event, Finished):
+            write(event.result, complete=True)
+        elif isinstance(event, PhaseFinished) and event.phase < last_phase:
+            write(event.so_far, complete=False)
+
+    def write(fit: FitResult, *, complete: bool) -> None:
+        nonlocal finished, summary
+        if finished is None:
+            begins()
+        summary = write_result(folder, fit, clip, body, complete=complete, command=command)
+        finished = fit
 
     try:
         with closing(progress):
@@ -137,11 +141,11 @@ def _fit_and_write(
     except BaseException:
         message = "Stopped before phase 1 had finished. Nothing was written."
         if finished is not None:
-            message = f"Stopped. The result up to phase {finished.phase} is in {folder}"
+            message = f"Stopped. The result up to phase {finished.last.phase} is in {folder}"
         tell([message])
         raise
     assert finished is not None
-    return finished.so_far, summary
+    return finished, summary
 
 
 def _emit_result(folder: Path, clip: Clip, fit: FitResult, summary: dict[str, Any], written: Sequence[str]) -> None:

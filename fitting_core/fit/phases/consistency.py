@@ -1,14 +1,18 @@
 """Phase 3: pose and camera, consistent over time. Sliding window, all frames at once, or a re-run of a range."""
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import torch
 
 from fitting_core.body.params import BodyParams
+from fitting_core.fit.events import mapped
+from fitting_core.fit.grounded import grounding_of_params, holding_feet
 from fitting_core.fit.phases.frame_fits import stopped_of
 from fitting_core.fit.phases.progress import PhaseStep, reported, stage_label
-from fitting_core.fit.solvers import Solver
+from fitting_core.fit.solvers import Solver, make_solver
 from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.temporal import REACH
@@ -24,6 +28,12 @@ In parts of 60 or 80 frames with overlaps of 30 or 40, the cost equals the whole
 (balancing), 2511.7 and 2513.6 for 2516.9 (signing). The depth of a person 20 m away agrees within 9 mm; with overlaps
 of 10, within 94 mm.
 """
+
+_FIRMNESS = (0.0, 0.2, 1.0)
+"""Shares of the weight of held feet in one run of phase 3 after the other: held gently first, they find a place that
+agrees better with the legs (evaluation/RESULTS/real_clips.md)."""
+_ROUGH = 1e-2
+"""`SolverSettings.sequence_tolerance` of all runs but the last, which only show where feet stand."""
 
 
 class Consistency:
@@ -127,3 +137,43 @@ def _write(state: State, frames: range, found: State) -> None:
 def coupled(frames: range, count: int) -> range:
     """Frames of a clip of `count`, with those that terms over time couple to them."""
     return range(max(0, frames.start - COUPLED), min(count, frames.stop + COUPLED))
+
+
+def ever_firmer(
+    run: Callable[[State], Generator[PhaseStep, None, State]],
+    consistency: Consistency,
+    state: State,
+    whole: Stages,
+    *,
+    params_of: Callable[[State], BodyParams],
+    near: range,
+) -> Generator[PhaseStep, None, State]:
+    """Phase 3, and again with the feet held where they stand after it, if any do: gently, and firmly where they stand
+    then. The result of phase 1 is too inaccurate in depth for holding.
+
+    Args:
+        run: phase 3.
+        consistency: of `run`; keeps the stages with the feet held.
+        state: before phase 3.
+        whole: stages of all frames.
+        params_of: all frames, with what `run` found.
+        near: the frames of `consistency`.
+    """
+    config, solver, grounding = whole.config, consistency.solver, None
+    if not any(config.weights.held_position):
+        return (yield from run(state))
+    tolerance = max(_ROUGH, config.settings.sequence_tolerance)
+    rough = make_solver(config.solver, replace(config.settings, sequence_tolerance=tolerance))
+    for k, firmness in enumerate(_FIRMNESS):
+        if firmness:
+            params = params_of(state)
+            grounding = grounding or grounding_of_params(whole, params)
+            held = holding_feet(whole, params, grounding, firmness=firmness)
+            if held is not None:
+                consistency.stages = held.within(near)
+            elif firmness < 1:
+                continue
+        consistency.solver = rough if firmness < 1 else solver
+        step = partial(PhaseStep.between, begin=k / len(_FIRMNESS), end=(k + 1) / len(_FIRMNESS))
+        state = yield from mapped(run(state), step)
+    return state
