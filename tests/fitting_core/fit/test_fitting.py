@@ -19,13 +19,13 @@ from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
-from fitting_core.fit import fitting
 from fitting_core.fit.events import Finished, FitEvent, FramesFitted, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.fit.evidence.observations import Stances
 from fitting_core.fit.evidence.sides import PAIRED
 from fitting_core.fit.fitting import _on_one_thread, fit_clip, fit_events, rerun_events
 from fitting_core.fit.grounded import holding_feet
 from fitting_core.fit.phase_figures import evaluated, patched
+from fitting_core.fit.phases import consistency
 from fitting_core.fit.stages import Stages
 from fitting_core.keypoints import Keypoints
 from fitting_core.results.fit_result import FitResult
@@ -442,7 +442,7 @@ def test_phase_3_tells_what_its_solver_minimised(
     deviation = np.full((8, kp.COUNT), np.inf)
     deviation[:, kp.INDEX["left_ankle"]] = 0.02
     held = Stances(position=np.tile([0.1, 0.9, 3.0], (8, kp.COUNT, 1)), deviation=deviation)
-    monkeypatch.setattr(fitting, "holding_feet", lambda stages, *args, **options: stages.holding(held))
+    monkeypatch.setattr(consistency, "holding_feet", lambda stages, *args, **options: stages.holding(held))
     config = replace(QUICK, weights=replace(NO_COLLISION, held_position=(10.0,) * 5))
     events = list(fit_events(short_clip, free_body, config))
     minimised = [event for event in events if isinstance(event, Iteration)][-1]
