@@ -12,7 +12,7 @@ from fitting_core.body.kinematics import contour_bins
 from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.body.points.body_points import BodyPoints
-from fitting_core.body.points.pairs import Joint, Point, keypoint_points
+from fitting_core.body.points.pairs import Joint, keypoint_points
 
 _CHUNK = 64
 """Frames evaluated together: the face contour's tables of each frame take 0.4 MB."""
@@ -27,7 +27,7 @@ def keypoints_in_space(
     body: BodyModel, params: BodyParams
 ) -> tuple[Float[np.ndarray, "T 137 3"], Bool[np.ndarray, "137"]]:
     """The 137 keypoints of posed bodies in camera space (metres), and which of them the body has; others are 0."""
-    points, exists = _keypoints(body)
+    points, exists = _keypoints(body, kp.COUNT)
     found = np.zeros((len(params), len(exists), 3))
     found[:, exists] = posed_points(points, body, params)
     return found, exists
@@ -35,7 +35,7 @@ def keypoints_in_space(
 
 def body_keypoints_in_space(body: BodyModel, params: BodyParams) -> Float[np.ndarray, "T 25 3"]:
     """The BODY_25 keypoints of posed bodies in camera space (metres), NaN for those that the body has not."""
-    points, exists = _body_keypoints(body)
+    points, exists = _keypoints(body, len(kp.BODY_25))
     found = np.full((len(params), len(exists), 3), np.nan)
     found[:, exists] = posed_points(points, body, params)
     return found
@@ -46,19 +46,12 @@ def _joints(body: BodyModel) -> BodyPoints:
     return BodyPoints(body, [Joint(i) for i in range(N_JOINTS)])
 
 
-@lru_cache(maxsize=2)  # the face contour's 79 tables take 0.5 s to compile; two: a fit beside its truth
-def _keypoints(body: BodyModel) -> tuple[BodyPoints, Bool[np.ndarray, "137"]]:
-    return _existing(body, keypoint_points(body))
-
-
-@lru_cache(maxsize=2)
-def _body_keypoints(body: BodyModel) -> tuple[BodyPoints, Bool[np.ndarray, "25"]]:
-    return _existing(body, keypoint_points(body)[kp.BODY])
-
-
-def _existing(body: BodyModel, wanted: list[Point | None]) -> tuple[BodyPoints, Bool[np.ndarray, "n"]]:
-    exists = np.array([point is not None for point in wanted])
-    return BodyPoints(body, [point for point in wanted if point is not None]), exists
+@lru_cache(maxsize=4)  # the face contour's 79 tables take 0.5 s to compile; of a fit beside its truth
+def _keypoints(body: BodyModel, count: int) -> tuple[BodyPoints, Bool[np.ndarray, "count"]]:
+    """The first keypoints as far as the body has them, and which it has."""
+    wanted = keypoint_points(body)[:count]
+    found = [point for point in wanted if point is not None]
+    return BodyPoints(body, found), np.array([point is not None for point in wanted])
 
 
 def posed_points(points: BodyPoints, body: BodyModel, params: BodyParams) -> Float[np.ndarray, "T N 3"]:
