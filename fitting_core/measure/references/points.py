@@ -227,11 +227,11 @@ def _check_metres(
 def _ends(
     placed: Float[np.ndarray, "T 137 3"], markers: MarkerSet, places: Float[np.ndarray, "T M 3"]
 ) -> dict[str, Float[np.ndarray, "T 3"]]:
-    """Of limbs, such as left_knee, by keypoint, joint, or the marker that is near."""
-    near = {f"{side}_{part}": f"{side[0].upper()}{marker}" for side in SIDES for part, marker in _NEAR.items()}
+    """Of limbs, such as left_knee, by keypoint, joint, joint centre, or the marker that is near."""
     found = {}
-    for end, marker in near.items():
-        names = [i for i, on in enumerate(markers.targets.values()) if on in (end, marker)]
+    for centre, end in CENTRES.items():
+        marker = centre[0] + _NEAR[end.split("_")[1]]
+        names = [i for i, on in enumerate(markers.targets.values()) if on in (centre, end, marker)]
         found[end] = places[:, names[0]] if names else placed[:, kp.INDEX[end]]
     return found
 

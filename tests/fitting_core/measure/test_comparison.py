@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,15 +10,17 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from fitting_core import keypoints as kp
-from fitting_core.body.markers.joint_centres import joint_centres_in_space
+from fitting_core.body.markers.joint_centres import CENTRES, joint_centres_in_space
 from fitting_core.body.model import BodyModel, KeypointOffset
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera, path_of
+from fitting_core.errors import InputError
 from fitting_core.io.motion.imported_motion import from_still
 from fitting_core.measure.comparison import compare, figure_titles
 from fitting_core.measure.limbs import LIMB_FIGURES
 from fitting_core.measure.pairing import PosedMotion
 from fitting_core.measure.references.bodies import reference_of
+from fitting_core.measure.references.files import read_reference
 from fitting_core.measure.references.reference import Reference
 from tests.samples.scenes import arms_in_motion, random_params
 
@@ -69,6 +72,20 @@ def test_a_fit_beside_other_systems_is_compared_by_its_joint_centres(free_body: 
         assert found[name] == pytest.approx(0, abs=1e-9), name
     alone = compare(fit, Reference(**about, points=points), meshes=False).figures
     assert alone["pa_mpjpe_mean"] > 5, "keypoints of a detector have no joints"
+
+
+@pytest.mark.parametrize("unit", [1.0, 1000.0])
+def test_joint_centres_by_a_laboratorys_names_are_compared_with_those_of_the_fit(
+    free_body: BodyModel, tmp_path: Path, unit: float
+):
+    fit = estimate(free_body, random_params(4))
+    names = np.array([f"{name[0]}_{name[1:]}" for name in CENTRES])
+    np.savez(tmp_path / "c.npz", points=unit * joint_centres_in_space(fit.body, fit.params), names=names)
+    if unit != 1:
+        with pytest.raises(InputError, match="millimetres"):
+            read_reference(tmp_path / "c.npz")
+        return
+    assert compare(fit, read_reference(tmp_path / "c.npz"), meshes=False).figures["pa_mpjpe_mean"] < 1e-6
 
 
 def test_the_motion_of_a_camera_is_not_the_person_s(free_body: BodyModel):
