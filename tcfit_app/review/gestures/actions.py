@@ -317,7 +317,7 @@ def _selected_frames(g: Gestures) -> None:
     g.fitting.selected_frames()
 
 
-OF_SELECTION = (joints, limbs, lockable, hand, key)
+OF_SELECTION = (joints, any_joints, limbs, lockable, hand, key)
 """Needs that a menu opened on a keypoint ignores: it will be selected by then."""
 _EDIT = writable, keypoints, frames
 _OF_JOINTS = *_EDIT, joints
