@@ -47,13 +47,10 @@ class Running:
     """0: one for each core."""
 
 
-def _mediapipe(*, body: str, mirrored: bool) -> "Callable[[str, Running], Detector]":
-    def make(name: str, running: Running) -> "Detector":
-        from fitting_core.detect.mediapipe.detector import Effort, MediaPipe
+def _mediapipe(name: str, running: Running) -> "Detector":
+    from fitting_core.detect.mediapipe.detector import MediaPipe
 
-        return MediaPipe(name, Effort(body=body, mirrored=mirrored), threads=running.threads)
-
-    return make
+    return MediaPipe(name, thorough=name == DEFAULT, threads=running.threads)
 
 
 def _networks_are_here() -> bool:
@@ -82,12 +79,8 @@ def _of_family(name: str, title: str) -> Known:
 
 
 DETECTORS: dict[str, Known] = {
-    "mediapipe": Known(
-        title="MediaPipe, most accurate", make=_mediapipe(body="heavy", mirrored=True), is_here=_networks_are_here
-    ),
-    "mediapipe-fast": Known(
-        title="MediaPipe, twice as fast", make=_mediapipe(body="full", mirrored=False), is_here=_networks_are_here
-    ),
+    "mediapipe": Known(title="MediaPipe, most accurate", make=_mediapipe, is_here=_networks_are_here),
+    "mediapipe-fast": Known(title="MediaPipe, twice as fast", make=_mediapipe, is_here=_networks_are_here),
     "dwpose-m": _of_family("dwpose-m", "DWPose-m with RTMDet-nano"),
     "dwpose-l": _of_family("dwpose-l", "DWPose-l with RTMDet-nano"),
     "rtmw-l": _of_family("rtmw-l", "RTMW-l with RTMDet-nano"),

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from fitting_core.detect.mediapipe import body as blaze
 from fitting_core.detect.mediapipe.body import Body
-from fitting_core.detect.mediapipe.detector import Effort, MediaPipe
+from fitting_core.detect.mediapipe.detector import MediaPipe
 from fitting_core.detect.mediapipe.face import Face, square_at_head
 from fitting_core.detect.mediapipe.hands import SIDES, Hand, Side
 from fitting_core.detect.mediapipe.hands_and_face import SeenParts, worth_of
@@ -65,7 +65,7 @@ class _SecondLook:
     def __init__(self, part: PartOfPerson, room: Square | None, size: tuple[int, int]) -> None:
         self._part, self._room, self._size = part, room, size
         self._points = PARTS[part]
-        self._detector = MediaPipe("mediapipe", Effort(body="heavy", mirrored=True))
+        self._detector = MediaPipe("mediapipe", thorough=True)
         self._finder = self._detector.parts_finder
 
     def at(self, image: Image, near: Float[np.ndarray, "137 3"] | None) -> Float[np.ndarray, "137 3"]:

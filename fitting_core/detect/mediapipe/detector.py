@@ -43,37 +43,27 @@ _VERSION = 3
 """Raised whenever the same networks would find something different."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Effort:
-    """How much is done to be right."""
-
-    body: str
-    """Size of the body's network: "heavy", where it is installed, or "full"."""
-    mirrored: bool
-    """Show bodies and hands mirrored as well."""
-
-
 class MediaPipe:
     """See `Detector`. Raises InputError if the networks are not on this computer, or are damaged.
 
     Args:
         name: In `DETECTORS`.
-        effort: How much is done.
+        thorough: Show bodies and hands mirrored as well, and bodies to the heavy network where it is installed.
         threads: For each network; 0: as many as the computer's cores are good for.
     """
 
     points = "mediapipe"
 
-    def __init__(self, name: str, effort: Effort, *, threads: int = 0) -> None:
+    def __init__(self, name: str, *, thorough: bool, threads: int = 0) -> None:
         # Three networks run at once: body, mirrored body, and those of hands and face.
         threads = threads or int(np.clip((os.cpu_count() or 1) // 3, 1, 4))
-        size = effort.body if networks.is_installed(f"pose_landmark_{effort.body}") else "full"
+        size = "heavy" if thorough and networks.is_installed("pose_landmark_heavy") else "full"
         self.name = name
-        self.version = f"{_VERSION} {networks.version()} {size}{' mirrored' if effort.mirrored else ''}"
-        self.body_in = BodyNetwork(size, mirrored=effort.mirrored, threads=threads)
+        self.version = f"{_VERSION} {networks.version()} {size}{' mirrored' if thorough else ''}"
+        self.body_in = BodyNetwork(size, mirrored=thorough, threads=threads)
         """The body in a square of an image."""
         self._person = SingleShot("person", threads=threads)
-        self.parts_finder = PartsFinder(mirrored=effort.mirrored, threads=threads)
+        self.parts_finder = PartsFinder(mirrored=thorough, threads=threads)
 
     def part_length(self, size: tuple[int, int]) -> int:
         """See `Detector`."""
