@@ -17,12 +17,13 @@ from fitting_core.keypoints import BODY
 from tcfit_app.analysis import suspicion
 from tcfit_app.fitting import jobs, live
 from tcfit_app.imports.results import ImportChoices
+from tcfit_app.project.edits.kinds import Edit, MarkBad
 from tcfit_app.project.storage import changes, run_files, runs
 from tcfit_app.review.browser import page_events
 from tcfit_app.review.gestures.actions import ACTIONS
 from tests.drivers.lone_page import call_back
 from tests.flows.world import TABS, World
-from tests.samples.project_samples import random_edit
+from tests.samples.project_samples import random_edit, sample_view
 from tests.samples.sessions import FRAMES, QUICK
 
 _NOT_HERE = ("fit", "list", "next_clip", "previous_clip")
@@ -79,10 +80,20 @@ def key(act: Act, names: tuple[str, ...] = ()) -> None:
 
 
 def edit(act: Act) -> None:
-    """Any kind of edit, without the gesture that makes it."""
-    session, page = act.world.session, act.world.page(act.tab)
-    made = random_edit(int(act.rng.integers(10_000)))
-    act.do(lambda: session.edit(made, author=page.tab.author, shown=page.tab.look().b))
+    """Any kind of edit, without the gesture that makes it; every eighth is one of another view."""
+    session, page, number = act.world.session, act.world.page(act.tab), int(act.rng.integers(10_000))
+    project, views = session.project, session.project.views
+    if number % 8 == 0 and not views:
+        made = sample_view(project.footage, name="b", count=FRAMES)
+        return act.do(lambda: project.add_view(made, author=page.tab.author))
+    if number % 24 == 0:
+        one: Edit = project.removal_of_view(views[0].id)
+    elif number % 8 == 0:
+        mark = MarkBad(frames=(number % FRAMES,), joints=(number % BODY.stop,))
+        one = project.edit_of_view(views[0].id, mark)
+    else:
+        one = random_edit(number)
+    act.do(lambda: session.edit(one, author=page.tab.author, shown=page.tab.look().b))
 
 
 def drag(act: Act) -> None:

@@ -10,6 +10,7 @@ from fitting_core.config.schema import PRESETS
 from fitting_core.config.settings import settings
 from fitting_core.errors import InputError
 from tcfit_app.batch.columns import columns, find
+from tcfit_app.batch.inputs import inputs_of, missing_input, unchanged
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.cli.main import parse
 from tcfit_app.options.batch import BatchOptions
@@ -77,6 +78,21 @@ def test_every_column_has_its_effect(tmp_path: Path):
     assert (task.config.solver, task.config.temporal.weight, task.config.temporal.space) == ("lbfgs", 300.0, "camera")
     assert task.config.weights.shape == (1, 2, 3, 4, 5) and task.line == 2
     assert task.config.weights.body_pose == PRESETS["paper"].weights.body_pose
+
+
+def test_another_view_is_input_of_a_clip(tmp_path: Path):
+    header = "video,keypoints,out,other_view,other_keypoints,other_person\n"
+    text = header + "a.mp4,k.json,a,b.mp4,kb.json,\na.mp4,k.json,b,,,\n"
+    for name in ("a.mp4", "b.mp4", "k.json", "kb.json"):
+        (tmp_path / name).write_text(name)
+    both, alone = tasks_of(tmp_path, text)
+    (other,) = tasks_of(tmp_path, header + "a.mp4,k.json,a,b.mp4,kb.json,1\n")
+    before = inputs_of(both)
+    assert inputs_of(tasks_of(tmp_path, text)[0]) == before and len({before, inputs_of(alone), inputs_of(other)}) == 3
+    (tmp_path / "b.mp4").write_text("another")
+    assert not unchanged(before, both)
+    (tmp_path / "b.mp4").unlink()
+    assert missing_input(both) == [("other_view", tmp_path / "b.mp4")] and unchanged(before, both)
 
 
 def test_every_option_of_a_clip_is_a_column():
