@@ -45,6 +45,8 @@ _LOWER = 1e-4
 _ELSEWHERE = 0.03
 """Metres that a joint of a neighbour is away at least where a frame restarts from it. Frames that follow each other
 agree within less where both are in one minimum."""
+_FLIPPED_EVERY = 2
+"""Of how many key frames one has its limbs mirrored; the relay carries what that found to the others."""
 _FLIP_ROUNDS = 2
 """Limbs are mirrored again where that helped: another one may now be better."""
 _FLIP_ITERATIONS = 8
@@ -311,6 +313,8 @@ class _Frames:
             trial = yield from self.only(others)._restart(objective, fits, "frames between key frames", share)
             fits, _ = fits.lower(trial)
         fits = yield from self.rounds(objective, fits, (_ALL_FITTED, _SETTLED))
+        if stages.config.last_phase > 1:
+            return fits  # later phases go on from here
         share = _SETTLED, 1.0
         return (yield from self._restart(_LastStage(stages, fits.state), fits, "last steps", share, final=True))
 
@@ -363,7 +367,8 @@ class _Frames:
         stages, settings = self.stages, self.stages.config.settings
         flips = LimbFlips(stages)
         quick = make_solver(stages.config.solver, replace(settings, iterations=_FLIP_ITERATIONS, rounds=1))
-        frames = self.frames[fits.cost[self.frames].isfinite()]
+        frames = self.frames[::_FLIPPED_EVERY]
+        frames = frames[fits.cost[frames].isfinite()]
         for k in range(_FLIP_ROUNDS):
             # Short trials of every mirrored limb, then full ones of the few that come near the current cost.
             every, tried = list(flips.every(fits.state[frames], frames)), list[FrameFits]()

@@ -10,6 +10,7 @@ from torch import Tensor
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.config.schema import FitConfig, SolverSettings, Weights
+from fitting_core.fit.phases import independent
 from fitting_core.fit.phases.frame_fits import FrameFits
 from fitting_core.fit.phases.independent import _Frames, _LastStage
 from fitting_core.fit.phases.limb_flips import FLIPS, LIMBS, LimbFlips
@@ -97,7 +98,8 @@ def stuck_of(stages: Stages, truth: State) -> tuple[FrameFits, Tensor]:
     return stuck, right.cost
 
 
-def test_a_mirrored_limb_is_turned_back(scene: tuple[Stages, State]):
+def test_a_mirrored_limb_is_turned_back(scene: tuple[Stages, State], monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(independent, "_FLIPPED_EVERY", 1)
     stages, truth = scene
     stuck, lowest = stuck_of(stages, truth)
     run = _Frames(stages, make_solver("lm", CONFIG.settings), FRAMES)
@@ -123,3 +125,15 @@ def test_only_limbs_in_doubt_are_mirrored(scene: tuple[Stages, State]):
     found = list(flips.every(mixed, FRAMES))
     assert {start for start, *_ in found} == {Start.LEFT_ARM, Start.LEFT_HAND}
     assert all(rows.tolist() == [1, 2] and len(state) == 2 for _, rows, state in found)
+
+
+@pytest.mark.parametrize("flips", [True, False])
+def test_the_relay_carries_a_limb_that_was_turned_back(scene: tuple[Stages, State], flips: bool):
+    """Of three frames the second is not mirrored, and all are freed; without mirrored limbs they stay."""
+    stages, truth = scene
+    config = replace(CONFIG, relay_rounds=2, limb_flips=flips)
+    stuck, lowest = stuck_of(stages, truth)
+    stages = Stages.of(stages.keypoints, stages.camera, stages.body, config)
+    run = _Frames(stages, make_solver("lm", config.settings), FRAMES)
+    freed = finished(run.relay(stuck, stuck.state, run)).cost
+    assert (freed < 1.02 * lowest).all() if flips else (freed > 1.05 * lowest).all()
