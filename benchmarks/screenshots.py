@@ -7,6 +7,7 @@ the app into states and yields a name for each; the picture is taken then.
 import re
 import shutil
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,14 +17,20 @@ import numpy as np
 from tyro.conf import OmitArgPrefixes
 
 from benchmarks.report import Common, progress, start
+from evaluation.synthetic.demo_clip import make_demo
+from evaluation.synthetic.studio.studio import CAMERA, VIEW
+from fitting_core.clips.options import CameraOptions
+from fitting_core.clips.other_views import read_view
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX, Keypoints
+from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.imports.keypoint_jobs import ImportFiles
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.review.panels import PANELS
+from tcfit_app.review.session.session import Session
 from tests.drivers.browser import chromium
 from tests.drivers.review_page import Reviewing, reviewing, until
 
@@ -320,6 +327,17 @@ def first_look(review: Reviewing) -> Iterator[str]:
         yield panel.title.lower()
 
 
+def two_views(review: Reviewing) -> Iterator[str]:
+    """The clip from a second side, with the body over it, and a keypoint that is selected there."""
+    (view,) = review.session.project.views
+    open_panel(review, "Fit")
+    show(review, side_from=view.id, frame=40)
+    yield "fit"
+    open_panel(review, "Correct")
+    show(review, selection=(INDEX["right_wrist"],), in_view=True)
+    yield "selected"
+
+
 def starting(review: Reviewing) -> Iterator[str]:
     """A project without keypoints: what it offers, with its groups open, and an import that fails."""
     settle(review)
@@ -364,6 +382,24 @@ def without_keypoints(project: Path, folder: Path) -> Path:
     return folder / "demo.tcfit"
 
 
+def with_second_view(project: Path, folder: Path) -> Path:
+    """The demo project, fitted together with a video of the same person from another side at another frame rate."""
+    wide = replace(CAMERA, focal=(1000.0, 1000.0), center=(270.0, 270.0), size=(540, 540))
+    second = make_demo(
+        folder, frame_rate=30.0, camera=wide, view=replace(VIEW, azimuth=-48.0, distance=3.9, height=1.4)
+    )
+    with Project.open(as_it_is(project, folder)) as made:
+        view = read_view(made.clip, second.video, second.keypoints, camera=CameraOptions(focal_length=wide.focal[0]))
+        made.add_view(replace(view, clip=replace(view.clip, name="second phone")), copy_media=True)
+        session = Session(made, Bodies())
+        session.fit_everything(PRESETS["tcfit"], kind="smplx", gender="neutral")
+        while session.jobs:
+            session.take_news()
+            time.sleep(0.1)
+        session.close()
+    return folder / "demo.tcfit"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Scene:
     """A project, and what is done with it."""
@@ -385,6 +421,7 @@ SCENES = {
     "fitting": Scene(shots=fitting),
     "docs": Scene(shots=documentation),
     "read-only": Scene(shots=first_look, read_only=True),
+    "two-views": Scene(shots=two_views, make=with_second_view),
     "no-fit": Scene(shots=first_look, make=without_fit),
     "no-keypoints": Scene(shots=starting, make=without_keypoints),
 }
