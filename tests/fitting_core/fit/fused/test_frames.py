@@ -13,6 +13,7 @@ from torch import Tensor
 
 from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import PRESETS, FitConfig, SolverSettings
+from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused import ready
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases.initialize import guess_depth
@@ -27,6 +28,7 @@ from fitting_core.fit.variables.state import Free, State
 from fitting_core.priors.files.network import write_prior_network
 from tests.fitting_core.priors.networks import random_network
 from tests.samples.scenes import finished, keypoints_of, noisy, random_params, random_state, stages_of
+from tests.samples.sessions import QUICK, small_clip
 
 pytest.importorskip("numba", reason="numba is not installed: pip install numba")
 FRAMES = torch.arange(5)
@@ -159,6 +161,12 @@ def test_nothing_of_a_fit_is_kept(tiny_body: BodyModel):
     del made
     gc.collect()
     assert prior() is None
+
+
+def test_a_fit_does_not_load_the_compiler_of_torch(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
+    """Forward differentiation does: a second of a first fit, and 70 MB."""
+    monkeypatch.setattr(torch.func, "jacfwd", lambda function: pytest.fail("forward differentiation"))
+    assert fit_clip(small_clip(tiny_body), tiny_body, QUICK).last.phase == 3
 
 
 @pytest.mark.parametrize("moving", [Free(betas=False), Free(betas=False, hands=False, face=False)], ids=["all", "body"])
