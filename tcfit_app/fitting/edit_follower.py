@@ -161,7 +161,7 @@ class EditFollower:
         def renewed() -> Correction:
             start = self._fits.fit(self.of(shown.run.id))
             seen = self._project.last_edit
-            return of(self._project.clip_by(start.camera), start.last.params, start, seen)
+            return of(self._project.related_clip(start.camera), start.last.params, start, seen)
 
         def keep(correction: Correction, target: Target, refit: Refit, edit: int | None) -> None:
             self._keep_drag(shown.run.id, correction, target, refit, edit)
@@ -304,7 +304,7 @@ class EditFollower:
         def renewed(job: CorrectionJob) -> tuple[RerunFrames, dict[int, bool], int]:
             seen, left = self._project.last_edit, self._wanted(job.edits)
             start = self._fits.fit(self.of(run.id))
-            clip, windows = self._project.clip_by(start.camera), self._windows(left)
+            clip, windows = self._project.related_clip(start.camera), self._windows(left)
             return RerunFrames(clip=clip, body=body, config=config, start=start, windows=windows), left, seen
 
         frames = sorted(frame for window in self._windows(edits) for frame in window)

@@ -49,8 +49,15 @@ class ProjectView:
 
     def seen_by(self, camera: Camera) -> OtherView:
         """The same for a clip of another camera; its relation is to be found again if that changes the viewing rays."""
-        same = camera.focal == self.standing.added.focal and camera.path is None
-        return self.view if same else self._unrelated
+        return self._unrelated if camera.path else self._related.get(camera.focal, self._unrelated)
+
+    def remember(self, camera: Camera, view: OtherView) -> None:
+        """Keep how it was related to a clip of another camera."""
+        self._related[camera.focal] = view
+
+    @cached_property
+    def _related(self) -> dict[tuple[float, float], OtherView]:
+        return {self.standing.added.focal: self.view}
 
     @cached_property
     def _unrelated(self) -> OtherView:

@@ -38,6 +38,7 @@ from fitting_core.camera import Camera
 from fitting_core.clip import Clip, OtherView
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import sweep, sweep_beside
+from fitting_core.fit.views.relating import related
 from fitting_core.io.people_file import refuse_several
 from fitting_core.keypoints import KeptDepth, Keypoints
 from fitting_core.lens import filmed_keypoints, straightened_keypoints
@@ -280,6 +281,16 @@ class Project:
         """The same with another camera, such as a run's."""
         with self._guard:
             return replace(self.clip, camera=camera, views=tuple(one.seen_by(camera) for one in self.views))
+
+    def related_clip(self, camera: Camera) -> Clip:
+        """The same, with other views related to it. Slow if that camera is new. Raises InputError if a view does not
+        match then."""
+        with self._guard:
+            views, clip = self.views, self.clip_by(camera)
+        found = related(clip)
+        for one, view in zip(views, found.views, strict=True):
+            one.remember(camera, view)
+        return found
 
     # --- other views ---
 

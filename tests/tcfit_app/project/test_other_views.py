@@ -12,6 +12,7 @@ import pytest
 
 from fitting_core.clip import Clip, OtherView
 from fitting_core.errors import InputError
+from fitting_core.fit.views.relating import related
 from fitting_core.keypoints import INDEX
 from tcfit_app.project.edits.edit_log import decode, encode
 from tcfit_app.project.edits.kinds import AddView, MarkBad, MoveKeypoint, check
@@ -20,6 +21,7 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage.database import NAME
 from tests.samples.media import write_video
 from tests.samples.project_samples import CAMERA, FRAMES, sample_clip, sample_view
+from tests.samples.two_views import seen_from
 
 WRIST = INDEX["right_wrist"]
 COUNT_OF_OTHER = 2 * FRAMES
@@ -133,6 +135,14 @@ def test_another_focal_length_needs_another_relation(tmp_path: Path):
         assert project.clip.views[0].relation is not None and project.clip_by(longer).views[0].relation is None
         project.set_camera(longer)
         assert project.clip.views[0].relation is None and project.clip_by(CAMERA).views[0].relation is not None
+
+
+def test_a_relation_for_another_camera_is_found_once(tmp_path: Path):
+    clip, longer = seen_from(10), replace(seen_from(10).camera, focal=(1600.0, 1600.0))
+    with Project.create(tmp_path / "a.tcfit", related(clip, [OtherView(clip=seen_from(80, seed=1))])) as project:
+        (found,) = project.related_clip(longer).views
+        assert found.relation not in (None, project.views[0].view.relation)
+        assert project.clip_by(longer).views == (found,) and project.related_clip(longer).views == (found,)
 
 
 def test_a_link_that_is_damaged_leaves_the_view(tmp_path: Path):
