@@ -133,6 +133,7 @@ class Descent(Generic[PointT]):
         everyone = len(groups) == len(self.cost)  # a copy of all of it can take 100 MB
         system = self.system if everyone else [a[groups] for a in self.system]
         step = self.problem.solve((self.cost[groups], *system), self.damping[groups])
+        del system
         trial = self.state[rows].moved(step.move)
         cost = self.problem.cost(trial, groups)
         self.evaluations += len(groups)
@@ -171,7 +172,10 @@ class Descent(Generic[PointT]):
         keep = better if len(better) == len(rows) else slice(None)  # one coupled group owns all rows
         self.state = self.state.put(rows[keep], trial[keep])
         self.cost[accepted] = cost
-        if len(refreshed):
+        if len(refreshed) == len(self.cost):
+            self.system = []  # its memory is free for the new one
+            _, *self.system = self.problem.normal(self.state, refreshed)
+        elif len(refreshed):
             _, *fresh = self.problem.normal(self.state[self.problem.rows(refreshed)], refreshed)
             for old, new in zip(self.system, fresh, strict=True):
                 old[refreshed] = new
