@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import viser
@@ -12,10 +11,13 @@ from fitting_core.errors import InputError
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.imports.uploads import kept_as
 from tcfit_app.project.other_view import ProjectView
-from tcfit_app.project.storage.names import name_of_file
+from tcfit_app.project.storage.names import file_name, name_of_file
 from tcfit_app.review.gestures.correcting import Correcting
 from tcfit_app.review.session.tasks import Step, Task
 from tcfit_app.review.tab.tab import Tab
+
+FOLD = "fit.view"
+"""In `TabState.folds` while a view can be named or uploaded."""
 
 
 class OtherViews:
@@ -45,7 +47,6 @@ class OtherViews:
                 view = read_view(
                     clip, path, clip=options, tell=lambda now: report(f"{now.done} of {now.total} frames", now.share)
                 )
-                view = replace(view, clip=replace(view.clip, name=Path(name).stem))
                 return session.project.add_view(view, copy_media=path is not file, author=tab.author).id
 
         then = lambda task: tab.guarded(lambda: self._take_end(task))()  # noqa: E731
@@ -64,6 +65,7 @@ class OtherViews:
         if task.state == "failed":
             return tab.notify(Notice(title=f"{task.title}: not possible", text=task.reason, kind="error"))
         self.going = None
+        tab.set(folds=tab.state.folds - {FOLD})
         self.show(task.result())
         tab.session.tell(Notice(title=f"{task.title}: done", text="The next fit uses it.", kind="done"))
 
@@ -85,11 +87,6 @@ def _on_disk(file: Path | viser.UploadedFile) -> Iterator[Path]:
         yield file
         return
     shown = name_of_file(file.name)
-    with kept_as(f"view{_suffix(shown)}", file.content, shown) as path:
+    own = file_name(shown.lstrip(". ") or "view", "")  # which the view is called by
+    with kept_as(own, file.content, shown) as path:
         yield path
-
-
-def _suffix(name: str) -> str:
-    """Of a video's name: no other part of it becomes a path."""
-    suffix = Path(name).suffix.lower()
-    return suffix if suffix[1:].isascii() and suffix[1:].isalnum() and len(suffix) <= 5 else ""

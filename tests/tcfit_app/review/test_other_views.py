@@ -179,16 +179,16 @@ def test_an_upload_is_read_under_its_own_name_and_kept_in_the_project(
     seen, project = list[tuple[str, bytes]](), tested.page.tab.session.project
 
     def read(first: Any, path: Path, **more: Any) -> OtherView:
-        seen.append((path.suffix, path.read_bytes()))
+        seen.append((path.name, path.read_bytes()))
         made = second_view(tiny_body)
-        return replace(made, clip=replace(made.clip, source=path))
+        return replace(made, clip=replace(made.clip, source=path, name=path.stem))
 
     monkeypatch.setattr(other_views, "read_view", read)
     tested.page.gestures.views.add(viser.UploadedFile(name="../../My kitchen.MOV", content=b"frames"))
     tested.settle()
-    assert seen == [(".mov", b"frames")]
+    assert seen == [("_.._My kitchen.MOV", b"frames")]
     (view,) = project.views
-    assert view.view.clip.name == "My kitchen" and view.media.path is not None
+    assert view.view.clip.name == "_.._My kitchen" and view.media.path is not None
     assert view.media.path.is_relative_to(project.folder) and view.media.path.read_bytes() == b"frames"
 
 

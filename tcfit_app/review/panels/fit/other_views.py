@@ -4,6 +4,7 @@ from functools import partial
 
 from tcfit_app.project.other_view import ProjectView
 from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.gestures.viewing import FOLD
 from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
 from tcfit_app.review.panels.elements.fold import Fold
 from tcfit_app.review.panels.elements.html import (
@@ -36,7 +37,7 @@ class ViewList:
         self._gestures, self._tab = gestures, gestures.tab
         tab = gestures.tab
         self._views = Board(tab)
-        self._fold = Fold(tab, "fit.view")
+        self._fold = Fold(tab, FOLD)
         with self._fold:
             Board(tab).show(paragraph(_SAID, "dim"))
             self._file = FileInput(
@@ -90,7 +91,7 @@ class ViewList:
         if task is None or task.state == "finished":
             return []
         if task.state == "failed":
-            return [paragraph(f"{task.title}: not possible. {task.reason}", "bad")]
+            return [paragraph(task.reason, "bad")]
         doing = "Stopping …" if task.stopping else f"{task.title}: {task.words} …"
         stop = button("Cancel", "view.cancel", do=self._gestures.views.cancel, disabled=task.stopping, kind="danger")
         return [paragraph(doing), progress_bar(task.share or 0.0), row(stop)]
