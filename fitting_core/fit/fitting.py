@@ -44,6 +44,7 @@ from fitting_core.fit.uncertainty.calibration import error_bars
 from fitting_core.fit.variables.state import State
 from fitting_core.fit.views.relating import related
 from fitting_core.keypoints import SEEN
+from fitting_core.memory import give_back
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.results.given_start import GivenStart, KnownShape
 from fitting_core.results.provenance import Provenance, Start
@@ -388,6 +389,7 @@ class _Fit:
         result = replace(result, provenance=self.provenance)
         self.phases.append(result)
         self.result = self._result()
+        give_back()
         return PhaseFinished(phase=phase, result=result, so_far=self.result)
 
     def _result(self) -> FitResult:

@@ -1,8 +1,6 @@
 """The fitting thread: jobs from a queue, and live corrections between two iterations of a job."""
 
-import ctypes
 import logging
-import sys
 import threading
 import time
 from collections import deque
@@ -18,6 +16,7 @@ import torch
 from fitting_core.errors import InputError
 from fitting_core.fit.events import Finished, FitEvent, FramesFitted, PhaseFinished
 from fitting_core.fit.fitting import Refit
+from fitting_core.memory import give_back
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting.jobs import Job
 from tcfit_app.fitting.live import Correction, LiveCorrection, Target
@@ -307,13 +306,3 @@ class Worker:
 def _reason(error: Exception) -> str:
     """One line for users: an InputError's advice, or any other error with its type."""
     return str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
-
-
-def give_back() -> None:
-    """Return freed memory to the system, where the C library can: glibc on Linux.
-
-    Otherwise a fit's large temporaries leave hundreds of megabytes unused: of the 1365 MB of a review after five fits,
-    317 were returned.
-    """
-    if sys.platform == "linux" and (trim := getattr(ctypes.CDLL(None), "malloc_trim", None)) is not None:
-        trim(0)

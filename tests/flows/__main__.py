@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from tcfit_app.fitting.worker import give_back
+from fitting_core.memory import give_back
 from tests.flows.flows import play, shrunk
 
 EARLY = 20

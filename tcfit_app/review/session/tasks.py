@@ -17,8 +17,8 @@ from typing import Any, Generic, Literal, TypeVar, get_args
 import torch
 
 from fitting_core.errors import InputError
+from fitting_core.memory import give_back
 from tcfit_app.fitting.fit_progress import Progress, in_words
-from tcfit_app.fitting.worker import give_back
 
 KEPT = 64
 """Number of values kept, the most recently requested."""

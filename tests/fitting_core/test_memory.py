@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tcfit_app.fitting.worker import give_back
+from fitting_core.memory import give_back
 
 MANY = 3000
 """Blocks of 64 KiB: glibc keeps those below 128 KiB for itself."""
