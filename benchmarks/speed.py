@@ -116,12 +116,12 @@ def detection() -> Stages:
 
 
 def from_video(folder: Path, options: Speed) -> Stages:
-    """`tcfit fit VIDEO`, from the command to its end."""
+    """`tcfit fit VIDEO` without its overlay, from the command to its end."""
     with FrameSource(_video()) as source:
         _without_cache(source)
     out = folder / "result"
     shutil.rmtree(out, ignore_errors=True)
-    command = [sys.executable, "-m", "tcfit_app", "fit", str(_video()), "--out", str(out)]
+    command = [sys.executable, "-m", "tcfit_app", "fit", str(_video()), "--no-overlay", "--out", str(out)]
     begun = time.perf_counter()
     subprocess.run([*command, "--threads", str(options.fit_threads)], check=True, capture_output=True)
     yield "gebaerden from its video, tcfit fit", time.perf_counter() - begun

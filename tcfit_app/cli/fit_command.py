@@ -1,8 +1,9 @@
 """`tcfit fit`: read a clip, fit it, write the result; with --people all, one for each person, and all in one file."""
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import closing, suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,6 +18,7 @@ from fitting_core.errors import InputError, printable
 from fitting_core.files.atomic import sweep
 from fitting_core.fit.events import Finished, FitEvent, PhaseFinished
 from fitting_core.fit.fitting import fit_clip
+from fitting_core.fit.fused import ready
 from fitting_core.io.motion_files import motion_of
 from fitting_core.io.people_file import PEOPLE_NAME, holds_people, read_people_file, write_people_file
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, RESULT_NAMES, SUMMARY_NAME, is_result, write_result
@@ -28,6 +30,7 @@ from tcfit_app.cli.progress import DetectionShown, ProgressShown
 from tcfit_app.exports.motions import write_together
 from tcfit_app.exports.pictures import write_comparison
 from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.fitting.jobs import warm_up
 from tcfit_app.imports.given import read_shape, start_of
 from tcfit_app.options.clip_input import all_people_of, clip_of, described, notes_of, with_views
 from tcfit_app.options.fit import FitOptions, StartOptions, fit_config
@@ -56,7 +59,7 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
     check_out(options.out, overwrite=options.overwrite)
     body = prepared_body(options, config)
     shape = None if options.shape is None else read_shape(options.shape, body)
-    with DetectionShown() as tell_progress:
+    with _loading(body, config), DetectionShown() as tell_progress:
         clip = with_views(clip_of(options, tell_progress), options, tell_progress)
     start = start_of(options.begin, clip, body, Bodies(options.body.models))
     compile_kernels(config)
@@ -68,6 +71,15 @@ def prepared_body(options: FitOptions, config: FitConfig) -> BodyModel:
     work."""
     prepare_solver(config, options.threads)
     return load_body(body_file(options.body))
+
+
+@contextmanager
+def _loading(body: BodyModel, config: FitConfig) -> Iterator[None]:
+    """Load what the fit needs at the same time; kernels that are not compiled wait until the clip can be fitted."""
+    with ThreadPoolExecutor(1, "tcfit: loading") as thread:
+        if not ready.problem():
+            thread.submit(warm_up, body, config)
+        yield
 
 
 def fit_into(
@@ -213,7 +225,7 @@ def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
     config = fit_config(options.method)
     old = _check_out(options.out, overwrite=options.overwrite)
     body = prepared_body(options, config)
-    with DetectionShown() as tell_progress:
+    with _loading(body, config), DetectionShown() as tell_progress:
         everybody = all_people_of(options, tell_progress)
     people, starts = _started(options, everybody, body)
     compile_kernels(config)

@@ -85,18 +85,14 @@ class FitEverything:
                     time.sleep(_NAP)
                     yield None
                 else:
-                    yield from self._first_look(*fresh)
+                    yield from self.first_look(*fresh)
             self.clip, self.fresh = fresh, None
         events = fit_events(
             self.clip, self.body, self.config, start=self.begun_with, shape=self.shape, known=self.known
         )
         return (yield from events)
 
-    def warm_up(self) -> None:
-        """Load what fits need, which takes a second: a body is fitted that stands in front of the camera."""
-        drained(self._first_look(range(1), _standing(self.body, self.clip.camera)))
-
-    def _first_look(self, frames: range, keypoints: Keypoints) -> Generator[FitEvent, None, None]:
+    def first_look(self, frames: range, keypoints: Keypoints) -> Generator[FitEvent, None, None]:
         """Preview: each frame by itself, in a twentieth of the time of phase 1."""
         label = f"preview of {in_words(frames, self.clip.first_frame)}"
         settings = replace(self.config.settings, final_tolerance=self.config.settings.stage_tolerance)
@@ -114,8 +110,14 @@ class FitEverything:
             return  # too few keypoints: the whole fit uses the frames around
 
 
+def warm_up(body: BodyModel, config: FitConfig) -> None:
+    """Load what fits need, which takes a second: a body is fitted that stands in front of a camera."""
+    camera = Camera(focal=(550.0, 550.0), center=(320.0, 240.0), size=(640, 480))
+    clip = Clip(keypoints=_standing(body, camera), camera=camera, frame_rate=25.0, name="warm-up")
+    drained(FitEverything(clip=clip, body=body, config=config).first_look(range(1), clip.keypoints))
+
+
 def _standing(body: BodyModel, camera: Camera) -> Keypoints:
-    """Those of a body that stands in front of the camera."""
     points = body_keypoints_in_space(body, BodyParams.neutral(1)) * (1, -1, -1) + (0, 0, _AWAY)
     known = np.isfinite(points).all(-1)
     xy, confidence = np.zeros((1, COUNT, 2)), np.zeros((1, COUNT))

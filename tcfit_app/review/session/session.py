@@ -17,7 +17,7 @@ from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.fitting.edit_follower import EditFollower
 from tcfit_app.fitting.fits import FitChoice, Fits, Shown
-from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames, RunJob
+from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames, RunJob, warm_up
 from tcfit_app.fitting.reports import (
     DragEnded,
     DragMoved,
@@ -253,7 +253,7 @@ class Session:
     def warm_up(self) -> None:
         """Load what a fit needs, if none can have begun. For any thread; raises InputError as `find_and_fit` does."""
         if not self.project.has_detections:
-            FitEverything(clip=self.project.footage, body=self.bodies.find(), config=self.preset()).warm_up()
+            warm_up(self.bodies.find(), self.preset())
 
     def find_and_fit(self, detector: str, config: FitConfig | None = None, *, person: int | None = None) -> None:
         """Start detecting keypoints in the video, and fit them as they are found. Raises InputError as `fit_everything`

@@ -33,7 +33,8 @@ EVERY_OPTION = """
     --camera c.npz --camera-name left --camera-unit 0.001 --camera-up z
     --body-model smplh --models m --gender male --start wham_output.pkl --start-person 2 --start-first-frame 5
     --preset paper --config c.toml --temporal-weight 300 --window-size 9 --shape-sample 10 --device cuda --height 182.5
-    --set hip_weight=1
+    --set hip_weight=1 --other-view b.mp4 --other-keypoints kb --other-focal-length 800 --other-person 2
+    --other-first-frame 4
 """.split()
 
 
@@ -58,7 +59,7 @@ def test_the_version_is_printed(capsys: pytest.CaptureFixture[str]):
 def test_every_option_is_read():
     options = parse(EVERY_OPTION)
     plain = parse(["fit", "--out", "o"])
-    for group in ("clip", "camera", "body", "begin", "method"):
+    for group in ("clip", "camera", "views", "body", "begin", "method"):
         given, default = vars(getattr(options, group)), vars(getattr(plain, group))
         assert [name for name in given if given[name] == default[name]] == []
     assert [name for name in vars(options) if getattr(options, name) == getattr(plain, name)] == ["out"]
