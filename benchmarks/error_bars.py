@@ -24,6 +24,7 @@ from benchmarks.clips import read
 from benchmarks.report import Common, Row, progress, report, start
 from evaluation.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from fitting_core import keypoints as kp
+from fitting_core.body.markers.joint_centres import joint_centres_in_space
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
@@ -118,6 +119,8 @@ def measure_real(body: BodyModel, name: str, found: Samples) -> None:
     for clip, truth in real_clips(name):
         params, bars = fitted(body, clip)
         joints = joints_in_space(body, params)[:, : len(JOINTS)]
+        if name in PHONES:
+            joints[:, LIMB_JOINTS] = joint_centres_in_space(body, params)  # as the markers have them
         limbs = joints[:, LIMB_JOINTS]
         own, true = limbs[:, HIPS].mean(1, keepdims=True), truth(limbs)
         moved = np.full_like(joints, np.nan)

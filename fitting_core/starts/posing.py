@@ -17,7 +17,7 @@ from fitting_core.body import rotations
 from fitting_core.body.model import JOINT, N_BETAS, N_JOINTS, POSE_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.body.points.body_points import N_COEFFICIENTS, BodyPoints, Posed
-from fitting_core.body.points.pairs import Contour, Offset, Point, Surface, keypoint_points
+from fitting_core.body.points.pairs import Carried, Contour, Offset, Point, Surface, keypoint_points
 from fitting_core.io.motion.imported_motion import ImportedMotion
 from fitting_core.least_squares import Descent, Step, dense_step
 
@@ -115,7 +115,7 @@ def _carrier(body: BodyModel, point: Point) -> int:
         shares = np.array(point.weights) @ body.skinning_weights[list(point.vertices)]
         return int(shares.argmax())
     assert not isinstance(point, Contour), "a contour's points on the mesh depend on the pose"
-    return point.bone if isinstance(point, Offset) else int(max(body.parents[point.joint], 0))
+    return point.bone if isinstance(point, Offset | Carried) else int(max(body.parents[point.joint], 0))
 
 
 def _turn(
