@@ -57,6 +57,12 @@ class Pose:
     deviations: Float[np.ndarray, "3"]
     """Of rotation and direction in degrees, and of the offset in seconds."""
 
+    def apart_from(self, other: "Pose") -> tuple[float, float, float]:
+        """Degrees between the rotations and between the directions, and seconds between the offsets."""
+        turn = Rotation.from_matrix(self.rotation @ other.rotation.T).magnitude()
+        way = np.arccos(np.clip(self.direction @ other.direction, -1.0, 1.0))
+        return float(np.degrees(turn)), float(np.degrees(way)), abs(self.offset - other.offset)
+
 
 def misses(
     first: Float[np.ndarray, "*n 3"],

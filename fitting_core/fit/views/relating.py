@@ -78,7 +78,31 @@ def _related(first: Track, view: OtherView) -> OtherView:
     relation = _relation(first, other, best.pose)
     if reason := _doubt(first, other, best, relation):
         raise InputError(f"{names}: {reason}")
+    of_lenses = _changes_with_lenses(first, other, best.pose)
+    turn, way, late = np.hypot(best.pose.deviations, of_lenses).tolist()
+    relation = replace(relation, rotation_deviation=turn, direction_deviation=way, offset_deviation=late)
     return replace(view, relation=relation)
+
+
+def _changes_with_lenses(first: Track, other: Track, pose: Pose) -> Float[np.ndarray, "3"]:
+    """By how much the pose changes if estimated focal lengths are one standard deviation longer: rotation and
+    direction in degrees, offset in seconds. Rays of two views hardly tell their focal lengths."""
+    pairs = [(_longer(first), other), (first, _longer(other))]
+    changes = [
+        PairOfRays(one, two, pose.rotation, pose.offset).refined().apart_from(pose)
+        for one, two in pairs
+        if one is not None and two is not None
+    ]
+    return np.linalg.norm(changes or np.zeros((1, 3)), axis=0)
+
+
+def _longer(track: Track) -> Track | None:
+    """With a focal length that is one standard deviation longer; None if it is not an estimate."""
+    camera = track.clip.camera
+    if camera.focal_deviation is None:
+        return None
+    focal = tuple(length * np.exp(camera.focal_deviation) for length in camera.focal)
+    return Track(replace(track.clip, camera=replace(camera, focal=focal)), track.times)
 
 
 def _poses(first: Track, other: Track) -> Iterator[_Found]:

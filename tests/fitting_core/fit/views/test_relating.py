@@ -55,6 +55,19 @@ def test_frames_at_uneven_times() -> None:
     assert errors(found, (10, 80))[0] < 8
 
 
+def test_an_estimated_lens_widens_the_deviations() -> None:
+    """The other view's lens is really a quarter longer."""
+    first, other = seen_from(10), seen_from(80, seed=1)
+    focal = (other.camera.focal[0] / 1.25, other.camera.focal[1] / 1.25)
+    short = replace(other, camera=replace(other.camera, focal=focal))
+    sure = relation(first, short)
+    unsure = relation(first, replace(short, camera=replace(short.camera, focal_deviation=0.22)))
+    assert (unsure.turn == sure.turn).all() and unsure.offset == sure.offset
+    turn, way = errors(unsure, (10, 80))
+    assert way > 3 * sure.direction_deviation and way < 2 * unsure.direction_deviation
+    assert turn < 2 * unsure.rotation_deviation and sure.rotation_deviation < unsure.rotation_deviation < 20
+
+
 def test_a_view_of_another_person_is_refused() -> None:
     with pytest.raises(InputError, match=r"from 80 as another view of from 10: .* the movements agree to \d+%"):
         relation(seen_from(10), seen_from(80, seed=1, window="13_26_1"))
