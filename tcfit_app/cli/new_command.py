@@ -53,9 +53,9 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
         check_free(options.out)  # before the detection, which takes minutes
     with DetectionShown() as tell_progress:
         clip = clip_of(options, tell_progress)
-        if isinstance(options, NewOptions):
+        folder = options.out or _folder_named(clip.name)
+        if not (reopen and is_project(folder)):
             clip = with_views(clip, options, tell_progress)
-    folder = options.out or _folder_named(clip.name)
     if reopen and is_project(folder):
         check_same_clip(folder, clip, clip_options(options))
         print(f"Opening the existing project {folder}.", file=sys.stderr, flush=True)

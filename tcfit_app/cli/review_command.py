@@ -26,6 +26,7 @@ from tcfit_app.server.serving import ReviewServer, review_server, tell
 
 if TYPE_CHECKING:
     from fitting_core.body.model import BodyModel
+    from fitting_core.clip import OtherView
     from tcfit_app.project.people import OpenPeople
     from tcfit_app.project.project import Project
     from tcfit_app.review.early_tabs import EarlyTabs
@@ -272,23 +273,31 @@ def _begun(session: "Session", fit: FitConfig, find: ClipOptions | None) -> str:
 def _take(project: "Project", options: ReviewOptions) -> None:
     """Store the given height, reference and other views in the project."""
     from tcfit_app.cli.new_command import reference_given
-    from tcfit_app.cli.progress import DetectionShown
-    from tcfit_app.options.clip_input import with_views
 
     height, reference = height_of(options), reference_given(options.truth, project.clip)
+    views = _new_views(project, options)
     if height is not None:
         project.set_height(height)
     if reference is not None:
         project.set_reference(reference)
-    there = [view.media.path for view in project.views]
-    if any(video.resolve() not in there for video in options.views.other_view):
-        project.refuse_read_only()
-        with DetectionShown() as tell_progress:
-            views = with_views(replace(project.clip, views=()), options, tell_progress).views
-        for view in views:
-            if view.clip.source not in there:
-                tell(view.sentence())
-                project.add_view(view, copy_media=options.copy_video)
+    for view in views:
+        tell(view.sentence())
+        project.add_view(view, copy_media=options.copy_video)
+
+
+def _new_views(project: "Project", options: ReviewOptions) -> "list[OtherView]":
+    """The given other views that the project does not have."""
+    from fitting_core.video.fingerprint import fingerprint
+    from tcfit_app.cli.progress import DetectionShown
+    from tcfit_app.options.clip_input import with_views
+
+    there = {fingerprint(view.media.path) for view in project.views if view.media.path is not None}
+    if all(fingerprint(video) in there for video in options.views.other_view):
+        return []
+    project.refuse_read_only()
+    with DetectionShown() as tell_progress:
+        views = with_views(replace(project.clip, views=()), options, tell_progress).views
+    return [view for view in views if view.clip.source is None or fingerprint(view.clip.source) not in there]
 
 
 def opened(options: ReviewOptions) -> "Project":

@@ -5,37 +5,37 @@ tcfit and the free body.
 """
 
 OF_JOINTS = {
-    "hip": ((10.9, 0.0183), (10.5, 0.0127)),
-    "spine": ((17.0, 0.0), (15.3, 0.0032)),
-    "knee": ((12.4, 0.0211), (12.1, 0.0034)),
-    "ankle": ((11.6, 0.0798), (15.9, 0.0089)),
-    "foot": ((8.86, 0.1078), (15.6, 0.0161)),
-    "neck": ((16.7, 0.0), (11.2, 0.018)),
-    "collar": ((17.5, 0.0), (11.1, 0.0156)),
-    "head": ((18.5, 0.0), (11.3, 0.018)),
-    "shoulder": ((13.4, 0.0139), (9.47, 0.0139)),
-    "elbow": ((7.57, 0.0454), (8.67, 0.0204)),
-    "wrist": ((14.4, 0.0485), (12.2, 0.0155)),
+    "hip": ((11.6, 0.0172), (10.5, 0.013)),
+    "spine": ((17.7, 0.0), (15.4, 0.0011)),
+    "knee": ((12.3, 0.0203), (12.2, 0.0)),
+    "ankle": ((12.1, 0.0701), (15.7, 0.0078)),
+    "foot": ((9.9, 0.1003), (15.4, 0.0143)),
+    "neck": ((17.2, 0.0), (11.8, 0.0157)),
+    "collar": ((18.0, 0.0), (12.1, 0.0129)),
+    "head": ((18.8, 0.0), (12.0, 0.0151)),
+    "shoulder": ((13.7, 0.0175), (10.5, 0.0117)),
+    "elbow": ((7.89, 0.0462), (8.9, 0.0197)),
+    "wrist": ((15.4, 0.0422), (12.5, 0.0128)),
 }
 """By part of the body: factor and least error in metres, along the ray and across it."""
 OF_ANGLES = {
-    "hip_flexion": (7.42, 10.1721),
-    "knee_flexion": (8.35, 8.7651),
-    "elbow_flexion": (9.14, 12.5207),
-    "shoulder_elevation": (6.63, 7.4809),
-    "ankle_dorsiflexion": (1.21, 13.9663),
-    "lumbar_extension": (0.0, 18.3507),
-    "lumbar_bending": (3.71, 6.9752),
-    "lumbar_rotation": (0.0, 10.0661),
+    "hip_flexion": (7.72, 9.8167),
+    "knee_flexion": (8.57, 7.888),
+    "elbow_flexion": (9.78, 11.3194),
+    "shoulder_elevation": (6.67, 7.9555),
+    "ankle_dorsiflexion": (2.05, 13.0367),
+    "lumbar_extension": (0.0, 18.4016),
+    "lumbar_bending": (4.64, 6.607),
+    "lumbar_rotation": (0.0, 10.2505),
 }
 """By angle: factor and least error in degrees."""
 LASTING = {
     "hip": (0.0, 0.0),
-    "knee": (0.0, 0.004),
-    "ankle": (0.0, 0.011),
-    "shoulder": (0.027, 0.0),
-    "elbow": (0.0, 0.012),
-    "wrist": (0.0, 0.004),
+    "knee": (0.0, 0.0),
+    "ankle": (0.0, 0.018),
+    "shoulder": (0.022, 0.0),
+    "elbow": (0.0, 0.013),
+    "wrist": (0.0, 0.008),
 }
 """By part of the body: metres by which real clips are off beyond that, along the ray and across it."""
 LIKE = {"spine": "hip", "neck": "shoulder", "collar": "shoulder", "head": "shoulder", "foot": "ankle"}

@@ -95,7 +95,8 @@ def _make_older(source: Path, folder: Path) -> None:
         later = (("clip", "height"), ("runs", "given"), ("runs", "moment"))
         for table, column in (*later, ("marks", "last_edit"), ("marks", "last_moment")):
             connection.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
-        connection.execute("DROP TABLE review")
+        for table in ("review", "views"):
+            connection.execute(f"DROP TABLE {table}")
         connection.execute("PRAGMA user_version = 3")
 
 

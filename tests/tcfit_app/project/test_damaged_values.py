@@ -6,6 +6,7 @@ import sqlite3
 import time
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 from typing import Any, get_args
@@ -25,7 +26,8 @@ from tcfit_app.project.storage.clip_review import State, Worst
 from tcfit_app.review.browser.page_events import Hello
 from tcfit_app.review.drawing.status import damage_in_short
 from tests.drivers.lone_page import lone_page
-from tests.samples.project_samples import BODY, CONFIG, random_edit
+from tests.samples.media import write_video
+from tests.samples.project_samples import BODY, CONFIG, random_edit, sample_view
 from tests.samples.sessions import OneBody
 from tests.samples.waving import waving_fit, waving_project
 
@@ -83,6 +85,8 @@ def sound(tmp_path_factory: pytest.TempPathFactory, free_body: BodyModel) -> Pat
         project.runs.delete(1)
         project.review.approve("me")
         project.review.set_note("left hand")
+        view = sample_view(project.clip, name="b", count=3)
+        project.add_view(replace(view, clip=replace(view.clip, source=write_video(folder.parent / "b.mp4"))))
         project.review.set_worst(Worst(run=2, left=1, score=1.5, frame=3, words="wrist is off"))
     with closing(sqlite3.connect(folder / database.NAME)) as connection, connection:
         values = ("3", "'flag'", "''", "'2026-01-01T00:00:00+00:00'", "'me'", "1", "1")
