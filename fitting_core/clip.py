@@ -13,8 +13,8 @@ from fitting_core.keypoints import Keypoints
 from fitting_core.relation import Relation
 from fitting_core.silhouettes import Silhouettes
 
-_UP_DIFFERS = 20.0
-"""Degrees."""
+_UP_DIFFERS, _UNSURE = 20.0, 5.0
+"""Degrees from which what is up, or the angle between two views, is in doubt."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +74,8 @@ class OtherView:
         found = self.relation
         assert found is not None, "views of a clip are related to it"
         doubt = f" They differ by {found.vertical_off:.0f}° on what is up." if found.vertical_off > _UP_DIFFERS else ""
+        if found.rotation_deviation > _UNSURE:
+            doubt += " Give both focal lengths if you know them: without them the angle is unsure."
         late = "later" if found.offset < 0 else "earlier"
         return (
             f"{self.clip.name} is another view, {found.angle:.0f}° from this one (± {found.rotation_deviation:.0f}°); "

@@ -54,6 +54,9 @@ def points_in_space(clip: Clip) -> PointsInSpace:
     pelvis = _pelvis(points, deviation, first)
     deviation = np.where(np.isfinite(pelvis)[:, None], deviation, np.inf)
     points = np.where(np.isfinite(deviation), points - np.nan_to_num(pelvis)[:, None], 0.0)
+    # A rotation between the views that is off moves points in proportion to their distance from the pelvis.
+    turn = np.radians(max(view.relation.rotation_deviation for view in clip.views if view.relation is not None))
+    deviation = np.hypot(deviation, turn * np.linalg.norm(points, axis=-1, keepdims=True))
     alone = (mine.confidence[:, :_BODY] == 0)[..., None] & ~np.isfinite(deviation[:, :_BODY])
     points[:, :_BODY] = np.where(alone, lifted, points[:, :_BODY])
     deviation[:, :_BODY] = np.where(alone, spread, deviation[:, :_BODY])

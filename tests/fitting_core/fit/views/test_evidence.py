@@ -31,7 +31,7 @@ def known_relation() -> Relation:
         rotation=path.rotation[0],
         translation=path.translation[0],
         offset=0.0,
-        rotation_deviation=1.0,
+        rotation_deviation=0.0,
         direction_deviation=1.0,
         offset_deviation=0.0,
         disagreement=0.0,
@@ -70,6 +70,18 @@ def test_deviations_are_larger_in_depth_for_views_at_an_acute_angle() -> None:
     deviation = points_in_space(pair()).deviation[:, SHOULDER]
     assert (deviation[:, 2] > deviation[:, 0]).all()
     assert ((deviation > 0.01) & (deviation < 0.05)).all()
+
+
+def test_an_unsure_rotation_widens_deviations_with_the_distance_from_the_pelvis() -> None:
+    clip = pair()
+    view, known = clip.views[0], known_relation()
+    unsure = replace(clip, views=(replace(view, relation=replace(known, rotation_deviation=10.0)),))
+    before, after = points_in_space(clip), points_in_space(unsure)
+    assert (after.points == before.points).all()
+    there = np.isfinite(before.deviation).all(-1)
+    away = np.linalg.norm(before.points, axis=-1)[there][:, None]
+    more = np.square(after.deviation[there]) - np.square(before.deviation[there])
+    assert more == pytest.approx(np.repeat(np.radians(10) ** 2 * away**2, 3, axis=1))
 
 
 def test_frames_without_a_second_view_are_left_to_the_lifter() -> None:
