@@ -1,6 +1,6 @@
 """`tcfit review`: open a project, or make one of a clip, and show it in the browser.
 
-Whatever the server of the page does not need is imported while the browser loads the page: torch takes two seconds.
+What the page's server can do without is imported while the browser loads the page: torch takes two seconds.
 """
 
 from concurrent.futures import Future, ThreadPoolExecutor

@@ -165,10 +165,10 @@ class Observations:
         )
         seen = (confidence > SEEN) & (sides == 0).all(-1)
         depth = as_tensor(keypoints.told_depth, dtype=dtype, device=device)
-        told, turn = depth.isfinite(), keypoints.turn
+        by_hand, turn = depth.isfinite(), keypoints.turn
         position, deviation = (xy.new_full((*confidence.shape, 3), value) for value in (0.0, torch.inf))
-        position[..., 2] = torch.where(told, depth, 0.0)
-        deviation[..., 2] = torch.where(told, STATED, deviation[..., 2])
+        position[..., 2] = torch.where(by_hand, depth, 0.0)
+        deviation[..., 2] = torch.where(by_hand, STATED, deviation[..., 2])
         return Observations(
             keypoints=keypoints,
             swapped=swapped,
@@ -180,7 +180,7 @@ class Observations:
             leg_seen=torch.stack([seen[:, leg].all(1) for leg in _LEGS]).any(0),
             relative_position=position,
             relative_position_deviation=deviation,
-            depth_by_hand=told,
+            depth_by_hand=by_hand,
             held_position=xy.new_zeros(()).expand_as(position),
             held_position_deviation=xy.new_tensor(torch.inf).expand_as(confidence),
             turn=(

@@ -138,9 +138,9 @@ class LimbFlips:
         """Where the evidence of depth disagrees with a bone of the limb, or a seen bone has none."""
         o, joints, points = self.observations, [JOINT[n] for n in limb.joints], [kp.INDEX[n] for n in limb.joints]
         own = self.positions.estimate(state).in_camera[:, joints, 2].diff(dim=1)
-        told = o.relative_position[frames][:, points, 2].diff(dim=1)
+        lifted = o.relative_position[frames][:, points, 2].diff(dim=1)
         known = o.relative_position_deviation[frames][:, points, 2].isfinite()
-        doubt = torch.where(known[:, 1:] & known[:, :-1], (own - told).abs() > _APART, o.seen[frames][:, points[1:]])
+        doubt = torch.where(known[:, 1:] & known[:, :-1], (own - lifted).abs() > _APART, o.seen[frames][:, points[1:]])
         return doubt.any(1)
 
 

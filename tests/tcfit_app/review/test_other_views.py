@@ -70,7 +70,7 @@ def tested(fitted_page: LonePage) -> LonePage:
 
 
 def heard(tested: LonePage) -> dict[str, Any]:
-    """What the page has been told, after it has drawn once more."""
+    """The messages that the page has received, after it has drawn once more."""
     page = tested.page
     page.tab.look()
     assert page.picture.draw()
