@@ -77,9 +77,10 @@ class OtherView:
         if found.rotation_deviation > _UNSURE:
             doubt += " Give both focal lengths if you know them: without them the angle is unsure."
         late = "later" if found.offset < 0 else "earlier"
+        pixels = found.disagreement * self.clip.camera.focal[0]
         return (
             f"{self.clip.name} is another view, {found.angle:.0f}° from this one (± {found.rotation_deviation:.0f}°); "
             f"it starts {abs(found.offset):.2f} s {late} (± {found.offset_deviation:.2f} s), and both show "
-            f"{found.overlap:.1f} s. Viewing rays of keypoints miss each other by "
-            f"{1e3 * found.disagreement:.1f} mrad in the median.{doubt}"
+            f"{found.overlap:.1f} s. Half of its keypoints are within {pixels:.0f} px "
+            f"of where this one puts them.{doubt}"
         )

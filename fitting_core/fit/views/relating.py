@@ -74,7 +74,7 @@ def _related(first: Track, view: OtherView) -> OtherView:
             raise InputError(f"{names}: {track.clip.name} shows no person.")
     best = min(_poses(first, other), key=lambda found: found.score, default=None)
     if best is None:
-        raise InputError(f"{names}: at no offset in time do both show enough of a person; expected a second or more.")
+        raise InputError(f"{names}: at no offset in time do both show the person for a second. Use longer videos.")
     relation = _relation(first, other, best.pose)
     if reason := _doubt(first, other, best, relation):
         raise InputError(f"{names}: {reason}")
@@ -154,16 +154,20 @@ def _doubt(first: Track, other: Track, best: _Found, relation: Relation) -> str:
     if min(one, two) < _LEAST_MOTION and best.alike < _LEAST_ALIKE:
         still = first.clip.name if one < two else other.clip.name
         return (
-            f"in {still} the person moves too little while both show enough of them ({relation.overlap:.1f} s at the "
-            "likeliest offset), so the offset in time cannot be determined; expected a movement that both show."
+            f"in {still} the person hardly moves in the {relation.overlap:.1f} s that both seem to show, so the offset "
+            "in time cannot be found. Use a part in which both show a movement, such as a raised arm."
         )
+    pixels = relation.disagreement * other.clip.camera.focal[0]
     if best.alike < _LEAST_ALIKE or pose.cost > _MOST_COST or relation.disagreement > _MOST_DISAGREEMENT:
         return (
-            f"at the likeliest offset in time ({pose.offset:+.2f} s) its keypoints miss those of {first.clip.name} by "
-            f"{1e3 * relation.disagreement:.0f} mrad in the median, and the movements agree to "
-            f"{max(best.alike, 0):.0%}; expected the same person at the same time."
+            f"at the best offset in time ({pose.offset:+.2f} s) the movements are {max(best.alike, 0):.0%} alike, and "
+            f"keypoints are {pixels:.0f} px from where {first.clip.name} puts them; expected the same person at the "
+            "same time. Check that both were filmed at the same time, and follow the same person."
         )
     ratio = pose.distance / pose.likely_distance
     if pose.deviations[1] > _MOST_UNSURE or max(ratio, 1 / max(ratio, 1e-9)) > _MOST_DISTANT:
-        return "both show too few of the same keypoints to determine where the cameras stand."
+        return (
+            "both show too few of the same body parts at once to find where the cameras stand. Use a part in which "
+            "both show the whole body, or film from a smaller angle."
+        )
     return ""
