@@ -535,11 +535,11 @@ class Project:
             said = (entry for entry in reversed(self._log) if not isinstance(entry.action, Undo | Redo))
             return list(islice(said, count))
 
-    def frames_changed_after(self, seen: int) -> dict[int, tuple[int, ...]]:
-        """The frames whose keypoints each log entry after the entry `seen` changes, as in `edit_log.frames_of`."""
+    def frames_changed_after(self, seen: int, *, views: bool = True) -> dict[int, tuple[int, ...]]:
+        """The frames whose keypoints each log entry after the entry `seen` changes: see `edit_log.frames_changed`."""
         with self._guard:
             first = bisect_right(self._log, seen, key=lambda entry: entry.id)
-            return frames_changed(self._log[first:], self._history.standing.said)
+            return frames_changed(self._log[first:], self._history.standing.said, views=views)
 
     def frames_edited_since(self, seen: int) -> frozenset[int]:
         """The frames of the edits that stand now but did not after the entry `seen`, or vice versa."""

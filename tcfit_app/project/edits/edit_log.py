@@ -153,18 +153,22 @@ class Note:
     author: str
 
 
-def frames_changed(log: Iterable[LogEntry], said: Callable[[int], Said]) -> dict[int, tuple[int, ...]]:
+def frames_changed(
+    log: Iterable[LogEntry], said: Callable[[int], Said], *, views: bool = True
+) -> dict[int, tuple[int, ...]]:
     """The frames whose keypoints each entry changes, by its id: for Undo and Redo those of their edit, for remarks
     none.
 
     Args:
         log: entries, all or some.
         said: Returns the action of an entry's id, for entries undone and redone.
+        views: Views added and removed change all frames; False: none, because no fit moves before the next one.
     """
     found: dict[int, tuple[int, ...]] = {}
     for entry in log:
         action = said(entry.action.edit) if isinstance(entry.action, Undo | Redo) else entry.action
-        found[entry.id] = () if isinstance(action, Remark) else action.frames
+        unchanged = isinstance(action, Remark) or (isinstance(action, AddView | RemoveView) and not views)
+        found[entry.id] = () if unchanged else action.frames
     return found
 
 

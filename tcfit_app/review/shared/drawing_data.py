@@ -329,7 +329,7 @@ class DrawingData:
             return None
 
         def queue() -> ReviewQueue:
-            edited, refitted = project.frames_changed_after(0), self._refitted(shown.run)
+            edited, refitted = project.frames_changed_after(0, views=False), self._refitted(shown.run)
             limbs = project.marks.of_limbs()
             checked, *of_limbs = (
                 still_checked(marks, edited, refitted=refitted) for marks in (project.marks.all(), *limbs.values())

@@ -1,5 +1,6 @@
 """Another view of the person: added, shown in step beside the picture, corrected there, and removed. No browser."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,15 +21,25 @@ from fitting_core.detect.found import Tell
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, INDEX, Keypoints
 from fitting_core.relation import Relation
+from tcfit_app.analysis.suspicion import ReviewQueue
 from tcfit_app.analysis.view_scale import scale_of
+from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.project.edits.kinds import MarkBad
+from tcfit_app.project.project import Project
+from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.browser.page_events import Drag, Hello, Key, Select
 from tcfit_app.review.panels.correct.correct_panel import CorrectPanel
 from tcfit_app.review.panels.fit.fit_panel import FitPanel
 from tcfit_app.review.scene.other_view import other_camera
 from tcfit_app.review.scene.poster import relief, world_of_pixels
+from tcfit_app.review.session.session import Session
+from tcfit_app.review.shared import drawing_data
+from tcfit_app.review.tab.tab import Tab
 from tests.drivers.lone_page import LonePage
+from tests.drivers.raw_tab import RawTab, admitted, raw_tab
+from tests.drivers.review_page import serving, until
 from tests.samples.scenes import arms_in_motion, clip_of
-from tests.samples.sessions import FRAMES
+from tests.samples.sessions import FRAMES, OneBody
 
 TURN = Rotation.from_euler("y", 70, degrees=True).as_matrix()
 SHIFT = np.array([-2.6, 0.1, 1.9])
@@ -190,6 +201,85 @@ def test_an_upload_is_read_under_its_own_name_and_kept_in_the_project(
     (view,) = project.views
     assert view.view.clip.name == "_.._My kitchen" and view.media.path is not None
     assert view.media.path.is_relative_to(project.folder) and view.media.path.read_bytes() == b"frames"
+
+
+def test_an_upload_that_breaks_off_leaves_nothing_and_the_next_one_is_read(
+    fitted_folder: Path, tiny_body: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """The connection ends after one of two parts; the user comes back and uploads the file again."""
+    folder, part, begun = Path(shutil.copytree(fitted_folder, tmp_path / "walk.tcfit")), bytes(512 << 10), list[str]()
+
+    def read(first: Any, path: Path, **more: Any) -> OtherView:
+        begun.append(path.name)
+        assert path.read_bytes() == 2 * part
+        return second_view(tiny_body)
+
+    def upload(tab: RawTab, *parts: bytes) -> None:
+        made = [message for message in tab.messages if message["type"] == "GuiUploadButtonMessage"]
+        field = next(message["uuid"] for message in made if message["props"]["label"] == "Upload a video")
+        about = {"source_component_uuid": field, "transfer_uuid": "kitchen"}
+        start = {"filename": "kitchen.mp4", "mime_type": "", "part_count": 2, "size_bytes": 2 * len(part)}
+        tab.send({"type": "FileTransferStartUpload", **about, **start})
+        for index, content in enumerate(parts):
+            tab.send({"type": "FileTransferPart", **about, "part_index": index, "content": content})
+
+    def files() -> set[Path]:
+        return {path for path in folder.rglob("*") if not path.name.startswith("project.sqlite")}
+
+    monkeypatch.setattr(other_views, "read_view", read)
+    with (
+        Project.open(folder) as project,
+        serving("test", lambda server: ReviewApp(Session(project, OneBody(tiny_body)), server.viser)) as (app, server),
+    ):
+        cookie, before = admitted(server.gate.link), files()
+
+        def opened(tab: RawTab) -> Tab:
+            tab.open("the same")
+            page = app.pages[max(app.pages)]
+            app.post(lambda: page.tab.set(folds=frozenset({"fit.view"})))
+            until(lambda: "Add this view" in str(tab.messages), "the field")
+            return page.tab
+
+        with raw_tab(server.address.url, cookie) as tab:
+            opened(tab)
+            upload(tab, part)
+            until(lambda: any(message["type"] == "FileTransferPartAck" for message in tab.messages), "the first part")
+        until(lambda: not app.pages, "the end of the tab")
+        assert not begun and files() == before and not project.views and not app.session.tasks.busy
+        with raw_tab(server.address.url, cookie) as tab:
+            opened(tab)
+            upload(tab, part, part)
+            until(lambda: project.views, "the view")
+        assert begun == ["kitchen.mp4"]
+
+
+def test_frames_that_look_fine_stay_so_until_the_fit_moves(
+    tested: LonePage, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    """Another view changes what all frames are fitted to, but no fit before the next one."""
+    tab, asked = tested.page.tab, list[frozenset[int]]()
+    project, shown = tab.session.project, tab.look().b
+    assert shown is not None
+
+    def queue(found: Any, *, checked: frozenset[int], limbs: Any) -> ReviewQueue:
+        asked.append(checked)
+        return ReviewQueue(left=(), looked_at=0)
+
+    def fine() -> frozenset[int]:
+        tested.until(lambda: tab.data.queue(shown) is not None)
+        return asked[-1]
+
+    monkeypatch.setattr(drawing_data, "review_queue", queue)
+    project.marks.set([1, 2], "checked", author="me")
+    project.add_view(second_view(tiny_body))
+    assert fine() == {1, 2}
+    project.undo()
+    assert fine() == {1, 2}
+    project.append(MarkBad(frames=(1,), joints=(WRIST,)))
+    assert fine() == {2}
+    run = tested.fit()
+    shown = tab.session.fits.show(FitChoice(run=run.id))
+    assert shown is not None and fine() == frozenset()
 
 
 def test_the_body_is_drawn_where_the_other_camera_has_it(tiny_body: BodyModel):
