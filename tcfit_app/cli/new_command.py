@@ -15,7 +15,6 @@ from tcfit_app.cli.progress import DetectionShown
 from tcfit_app.home.found import PROJECT_SUFFIX
 from tcfit_app.options.clip_input import (
     all_people_of,
-    check_not_new,
     clip_of,
     clip_options,
     described,
@@ -25,13 +24,14 @@ from tcfit_app.options.clip_input import (
 )
 from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions, height_of
 from tcfit_app.project.new_people import create_people
-from tcfit_app.project.packed import is_packed, packed_creation_time, unpack
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.accessing import check_free
-from tcfit_app.project.storage.clip import creation_time, read_clip, same_detections
+from tcfit_app.project.storage.clip import read_clip, same_detections
 from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.names import name_of_file
 
+_PACKED = f"{PROJECT_SUFFIX}.zip"
+"""Of a project that earlier versions packed."""
 _FOCAL_OPTIONS = {"--focal-length", "--fov", "--focal-length-35mm", "--camera"}
 _CENTER_OPTIONS = {"--center", "--camera"}
 
@@ -44,8 +44,11 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
     Raises:
         InputError: Files or options cannot be used, or the folder contains something else. Nothing is written then.
     """
-    if options.video is not None and is_packed(options.video):
-        return _unpacked(options.video, options, reopen=reopen)
+    if options.video is not None and options.video.name.endswith(_PACKED):
+        raise InputError(
+            f"{options.video}: unpack it with any archiver into a folder NAME{PROJECT_SUFFIX}, and give that folder to "
+            "tcfit review."
+        )
     if isinstance(options, NewOptions) and options.people is not None:
         return _made_of_all_people(options)
     height = height_of(options)
@@ -92,26 +95,6 @@ def _made_of_all_people(options: NewOptions) -> Path:
     create_people(folder, people, copy_media=options.copy_video)
     of = ", ".join(f"{one.about.folder} ({len(one.clip)} frames)" for one in people)
     print(f"Made the projects of {len(people)} people in {folder}: {of}")
-    return folder
-
-
-def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) -> Path:
-    """Unpack a project that `tcfit export --formats project` packed."""
-    if isinstance(options, NewOptions) and options.views.other_view:
-        raise InputError(f"{path}: is already a project. Use tcfit review --other-view VIDEO.")
-    if isinstance(options, NewOptions) and options.people is not None:
-        raise InputError(f"{path} is the project of one person: leave out --people.")
-    check_not_new(path, options)
-    if isinstance(options, NewOptions) and options.height is not None:
-        raise InputError(f"{path}: is already a project. Use tcfit review --height CM.")
-    folder = options.out or Path(path.name.removesuffix(".zip").removesuffix(PROJECT_SUFFIX) + PROJECT_SUFFIX)
-    if reopen and is_project(folder):
-        check_same_packed(folder, path)
-        said = f"Opening the project {folder}, which {path} was unpacked into before."
-        print(said, file=sys.stderr, flush=True)
-        return folder
-    unpack(path, folder)
-    print(f"Unpacked the project {folder}")
     return folder
 
 
@@ -163,13 +146,6 @@ def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:
             "the panel Start, or give --out for a new project."
         )
     raise InputError(f"{folder}: already exists with keypoints of another person or other frames. {choice}")
-
-
-def check_same_packed(folder: Path, path: Path) -> None:
-    """Raise InputError if a project was not unpacked from this file or an export of the same project, or if one of both
-    cannot be read."""
-    if creation_time(folder) != packed_creation_time(path):
-        raise InputError(f"{folder}: is not the project in {path}. Give --out for a new one.")
 
 
 def _frames_and_camera(clip: Clip, given: Sequence[str]) -> tuple[object, ...]:

@@ -15,9 +15,10 @@ from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.imports.elan import FLAGS, NOTES, REVIEW
 from tcfit_app.project.edits.edit_log import Note
-from tcfit_app.project.packed import HANDSHAPES as HANDSHAPES_FILE
 from tcfit_app.project.project import Project
 
+_HANDSHAPES = "handshapes.toml"
+"""In the project's folder: the user's own set, if any."""
 _STATES = {
     "flag": ("flagged", "Needs attention"),
     "checked": ("looks fine", "A reviewer has looked at it"),
@@ -33,7 +34,7 @@ def write_elan(source: ExportSource, path: Path, progress: Progress) -> None:
     with Project.open(source.folder, read_only=True) as project:
         said = _said(posed, project)
     progress(0.2)
-    file = source.folder / HANDSHAPES_FILE
+    file = source.folder / _HANDSHAPES
     shapes = HandshapeSet(posed.meshes.body, read_handshapes(file) if file.exists() else HANDSHAPES)
     hands = hand_tiers(posed, shapes)
     progress(0.9)

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -39,9 +38,8 @@ from tcfit_app.exports.motions import (
 )
 from tcfit_app.exports.pictures import write_chosen, write_frames_sheet, write_picture, write_side_by_side
 from tcfit_app.exports.source import ExportSource
-from tcfit_app.project.packed import pack
 
-Group = Literal["Blender", "Unity, Unreal", "ELAN", "OpenSim", "Python", "Video", "Project"]
+Group = Literal["Blender", "Unity, Unreal", "ELAN", "OpenSim", "Python", "Video"]
 """The program that reads a format."""
 Needs = Literal["motion", "run", "keypoints"]
 """The required source: any fit; a project with a run; a project."""
@@ -87,10 +85,6 @@ def _of_frames(write: Callable[[Path, Motion, Progress], object], axes: str) -> 
         write(path, source.motion(axes), progress)
 
     return written
-
-
-def _pack(source: ExportSource, path: Path, progress: Progress, *, with_media: bool = False) -> None:
-    pack(source.folder, path, with_media=with_media, progress=progress)
 
 
 def _group(group: Group, formats: dict[str, tuple[str, str, Write, str]], **common: Any) -> dict[str, Export]:
@@ -180,13 +174,6 @@ EXPORTS: dict[str, Export] = {
         "side-by-side": ("Side by side", ".side-by-side.mp4", write_side_by_side,
                          "A video of A and B beside each other, with the keypoints, over the video or from the side"),
     }, needs="run", both=True),
-    **_group("Project", {
-        "project": ("Project", ".tcfit.zip", _pack,
-                    "Corrections, runs and marks as one file, which tcfit review opens; without a video that is only "
-                    "linked"),
-        "project-with-video": ("Project + video", ".video.tcfit.zip", partial(_pack, with_media=True),
-                               "As one file, with the video or images, so that it can be given to others"),
-    }, needs="keypoints"),
 }
 # fmt: on
 """By the name on the command line, in the order of their buttons."""
@@ -204,6 +191,7 @@ PROGRAMS: dict[Group, dict[str, str]] = {
 """What each program's button writes: the first of these formats that can be written, and what it has."""
 DEFAULTS = ("glb", "npz", "bvh")
 """The formats that `tcfit export` writes by default."""
+_PROJECT = "A project is a folder: close it, and pack the folder and its video with any archiver."
 _RETARGET = "Export {} and retarget it to your character with the tools that docs/retargeting.md lists."
 REMOVED = {
     "rig-glb": _RETARGET.format("glb, mixamo, unreal or vrma"),
@@ -211,6 +199,8 @@ REMOVED = {
     "unreal-bvh": "Export unreal, or bvh.",
     "figures-json": "Export figures, a table of the same values.",
     "ply": "Export obj.",
+    "project": _PROJECT,
+    "project-with-video": _PROJECT,
     "report": "Use tcfit evaluate PROJECT, which writes report.html.",
     "rig-bvh": _RETARGET.format("bvh, mixamo or unreal"),
 }

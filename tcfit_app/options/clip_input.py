@@ -184,7 +184,7 @@ def refusal(given: Sequence[str]) -> str:
 
 
 def check_not_new(project: Path, options: NewOptions | ReviewOptions, *, allowed: str = "") -> None:
-    """Raise InputError if options that only a new project takes are given for an existing one, or a packed one."""
+    """Raise InputError if options that only a new project takes are given for an existing one."""
     given = ["--keypoints"] * (options.keypoints is not None) + ["--copy-video"] * options.copy_video
     if given := [option for option in given + clip_options(options) if option != allowed]:
         raise InputError(f"{project}: is already a project. {refusal(given)}")

@@ -226,8 +226,7 @@ class NewOptions:
     """
 
     video: Video = None
-    """A video file, a folder of images, a folder in SMPLify-X layout (images/ and keypoints/ inside), or a project that
-    `tcfit export --formats project` packed."""
+    """A video file, a folder of images, or a folder in SMPLify-X layout (images/ and keypoints/ inside)."""
     keypoints: KeypointFiles = None
     """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file. none: a project without
     keypoints."""

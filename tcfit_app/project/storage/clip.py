@@ -4,8 +4,6 @@ import hashlib
 import logging
 import os
 import re
-import shutil
-import sqlite3
 from collections.abc import Mapping
 from contextlib import closing, suppress
 from dataclasses import replace
@@ -98,20 +96,7 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
             notes=notes,
             silhouettes=silhouettes,
         )
-        return clip, _link(row)
-
-
-def _link(row: Columns) -> MediaLink | None:
-    return row.read("media", or_none(json_of(MediaLink)))
-
-
-def stored_link(copied: sqlite3.Connection) -> MediaLink | None:
-    """The link to the video in a copy of a project's database. Raises InputError if it is damaged."""
-    return _link(_row_of_copy(copied))
-
-
-def _row_of_copy(copied: sqlite3.Connection) -> Columns:
-    return Columns(copied.execute("SELECT * FROM clip").fetchone())
+        return clip, row.read("media", or_none(json_of(MediaLink)))
 
 
 def _checksum(value: Any) -> str:
@@ -140,14 +125,6 @@ def _with_notes(camera: Camera, notes: tuple[str, ...]) -> Camera:
 def same_detections(one: Keypoints, other: Keypoints) -> bool:
     """Whether both have the same keypoints, ignoring a person's edits."""
     return np.array_equal(one.xy, other.xy) and np.array_equal(one.confidence, other.confidence)
-
-
-def creation_time(folder: Path) -> str:
-    """When a project was created, which identifies it among those of the same name. Raises InputError if unreadable."""
-    with closing(Database(folder / database.NAME, read_only=True)) as store:
-        rows = store.rows("SELECT created FROM clip")
-        with undamaged(store.path):
-            return Columns(rows[0]).read("created", text) if rows else ""
 
 
 def replace_camera(store: Database, camera: Camera, notes: tuple[str, ...]) -> None:
@@ -223,31 +200,6 @@ def _detections_file(folder: Path, expected: str) -> Path:
         if _sha256(coming) == expected:
             return coming
     return folder / DETECTIONS
-
-
-def copy_detections(folder: Path, copied: Path, target: Path) -> bool:
-    """Copy the detections that match a copy of a project's database, while others may write to the project.
-
-    Args:
-        folder: The project's.
-        copied: The copy of its database.
-        target: The file to write.
-
-    Returns:
-        False if they are missing: replaced after the database was copied, or damaged.
-
-    Raises:
-        OSError: Something cannot be read or written.
-    """
-    with closing(database.copied(copied)) as connection:
-        expected = _row_of_copy(connection).read("detections_sha256", _checksum)
-    for name in (_COMING, DETECTIONS):  # in this order: the first is renamed to the second
-        if (folder / name).is_file():
-            with suppress(FileNotFoundError):
-                shutil.copyfile(folder / name, target)
-                if _sha256(target) == expected:
-                    return True
-    return False
 
 
 def _write_detections(path: Path, clip: Clip) -> None:

@@ -309,18 +309,6 @@ def _connect(path: Path, mode: Literal["ro", "rw", "rwc"], *, alone: bool = Fals
     return connection
 
 
-def copied(path: Path) -> sqlite3.Connection:
-    """A private copy of a project's database, to be closed. Raises InputError as `Database`."""
-    with _explained(path):
-        connection = _prepared(sqlite3.connect(path))
-        try:
-            _check(path, connection)
-        except BaseException:
-            connection.close()
-            raise
-    return connection
-
-
 def _prepared(connection: sqlite3.Connection) -> sqlite3.Connection:
     connection.row_factory = sqlite3.Row
     connection.text_factory = _text

@@ -2,18 +2,15 @@
 
 import os
 import shutil
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import chain, count
 from pathlib import Path
 
-import cv2
 import msgspec
 
 from fitting_core.errors import InputError
 from fitting_core.video.fingerprint import fingerprint, visible_files
 from fitting_core.video.frames import FrameSource
-from fitting_core.video.images import image_files
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.names import portable
 
@@ -52,25 +49,14 @@ def link(source: Path, project: Path) -> MediaLink:
 
 
 def check_decodes(path: Path) -> None:
-    """Refuse what is neither video nor image: otherwise packing the project could leak any file. Raises InputError if
-    it cannot be decoded, or an image file contains something else."""
-    with FrameSource(_named(path)) as source:
-        images = image_files(path) if source.stems is not None else ()
-    for image in images:
-        if not cv2.haveImageReader(str(_named(image))):
-            raise InputError(f"{image}: cannot be decoded as an image. Remove it from its folder.")
-
-
-def frame_files(path: Path) -> list[Path]:
-    """The files of a clip's frames: the video, or the images in a folder. Raises InputError as `check_decodes` does."""
-    check_decodes(path)
-    return list(image_files(path)) if path.is_dir() else [path]
+    """Raise InputError for what is neither a video nor a folder of images."""
+    FrameSource(_named(path)).close()
 
 
 def copy(source: Path, project: Path) -> MediaLink:
     """Copy a video, or the images of a folder, into a project. Raises InputError if that fails."""
     source = _named(source)
-    target = project / free_name(source.name, lambda name: (project / name).exists())
+    target = project / FOLDER / _free_name(source.name, project / FOLDER)
     with accessing(target):
         target.parent.mkdir(exist_ok=True)
         if source.is_dir():
@@ -83,16 +69,10 @@ def copy(source: Path, project: Path) -> MediaLink:
     return MediaLink(relative=relative, absolute=str(source), fingerprint=fingerprint(target))
 
 
-def free_name(name: str, taken: Callable[[str], bool]) -> str:
-    """A path in a project's folder for a video or images of this name."""
+def _free_name(name: str, folder: Path) -> str:
     path = Path(portable(name))
     names = chain([path.name], (f"{path.stem}-{number}{path.suffix}" for number in count(2)))
-    return next(free for one in names if not taken(free := f"{FOLDER}/{one}"))
-
-
-def is_own(link: MediaLink) -> bool:
-    """Whether a link points into the project, where `copy` puts frames."""
-    return link.relative.startswith(f"{FOLDER}/")
+    return next(one for one in names if not (folder / one).exists())
 
 
 def located(link: MediaLink, project: Path) -> Path:

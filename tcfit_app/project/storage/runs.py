@@ -27,7 +27,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import drafting, sweep, sync
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.project.storage.accessing import accessing
-from tcfit_app.project.storage.changes import Changes, Log, changes_in, file_name
+from tcfit_app.project.storage.changes import Changes, Log, file_name
 from tcfit_app.project.storage.columns import Columns, Count, json_of, line, of, or_none, text, time
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.names import checked_name
@@ -35,8 +35,6 @@ from tcfit_app.project.storage.run_files import read_run, write_run
 from tcfit_app.project.storage.run_names import with_names
 from tcfit_app.project.storage.run_record import LAST_MOMENT, BodyRecord, Ended, Given, Run, RunKind, RunState, largest
 
-ENTRY = r"runs/\d{6,}(/\d{6,})?\.npz"
-"""Paths of results in a project's folder, as a regular expression."""
 _FOLDER = "runs"
 _ORPHANS = "orphans"
 """In _FOLDER: files without a row, as after restoring an older database. They are never deleted."""
@@ -444,20 +442,6 @@ class _Figures(msgspec.Struct):
 def _figures(value: Any) -> dict[str, Any]:
     json_of(_Figures)(value)
     return json_of(dict[str, Any])(value)
-
-
-def entries(folder: Path, connection: sqlite3.Connection) -> list[str]:
-    """Paths of the results in a project's folder, for the runs and the edits in a copy of its database."""
-    (last,) = connection.execute("SELECT coalesce(max(id), 0) FROM edits").fetchone()
-    names = []
-    for (number,) in connection.execute("SELECT id FROM runs ORDER BY id"):
-        name = f"{_FOLDER}/{file_name(number)}"
-        changes = changes_in((folder / name).with_suffix(""))
-        names += [
-            name,
-            *(f"{name.removesuffix('.npz')}/{file_name(c.number)}" for c in changes if c.about.seen <= last),
-        ]
-    return [name for name in names if (folder / name).is_file()]
 
 
 def _now() -> datetime:

@@ -101,7 +101,7 @@ class Exporting:
             raise InputError(f"{self.running.title} is still being made: wait for it, or cancel it.")
         export, frames = self.formats[name], self.frames
         source = self.source(export)
-        if frames is not None and export.group != "Project":
+        if frames is not None:
             source = source[slice(frames.start, frames.stop)]
         file = file_name(export, "-".join([source.name, *self._parts(export)]), zipped=True)
 
@@ -126,8 +126,6 @@ class Exporting:
     def _parts(self, export: Export) -> list[str]:
         """What tells apart file names of other fits and frames; nothing for the newest fit (or the two that Compare
         begins with) and the whole clip."""
-        if export.group == "Project":
-            return []
         tab, frames = self._tab, self.frames
         known = {side: _short(fit) for side, fit in self._of(export).items()}
         shown = [name for side, name in known.items() if export.both or side == self.side]

@@ -17,7 +17,7 @@ from tests.samples.waving import waving_project
 def test_what_can_be_chosen():
     formats = offered()
     names = [choice.value for choices in formats.groups.values() for choice in choices]
-    assert {"glb", "overlay", "openpose", "project"} < set(names) and set(formats.chosen) < set(names)
+    assert {"glb", "overlay", "openpose"} < set(names) and set(formats.chosen) < set(names)
     assert [choice.value for choice in formats.axes] == ["", "camera", "y-up", "z-up"]
 
 

@@ -150,8 +150,6 @@ def test_a_database_that_does_not_end_is_refused(statements: tuple[str, ...], so
     assert "that tcfit did not create" in rows["odd.tcfit"].problem and not rows["sound.tcfit"].problem
     with pytest.raises(InputError, match="that tcfit did not create"):
         Project.open(odd)
-    with pytest.raises(InputError, match="that tcfit did not create"):
-        database.copied(odd / database.NAME)
 
 
 def test_a_table_that_contains_itself_is_refused(sound: Path):

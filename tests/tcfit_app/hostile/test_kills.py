@@ -22,7 +22,6 @@ from tcfit_app.batch.outcome import done_before
 from tcfit_app.cli.main import main, parse
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.imports.results import import_run, project_of_result
-from tcfit_app.project.packed import pack, unpack
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database
 from tcfit_app.project.storage.clip_review import reviewed
@@ -82,7 +81,6 @@ def world(tmp_path: Path, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch)
     with Project.open(made.sources / "waving.tcfit") as project:
         project.append(random_edit(1))
         write_result(made.sources / "result", waving_fit(0.0), project.clip, free_body)
-    pack(made.sources / "waving.tcfit", made.sources / "waving.tcfit.zip")
     _make_older(made.sources / "waving.tcfit", made.sources / "older.tcfit")
     write_clip(made.sources / "keypoints", free_body, frames=FRAMES)
     Project.create(made.walk, replace(sample_clip(), source=images)).close()
@@ -136,14 +134,6 @@ def _say(world: World, number: int) -> None:
         review.approve(str(number))
 
 
-def _unpack(world: World, number: int) -> None:
-    unpack(world.sources / "waving.tcfit.zip", world.at("unpack", number))
-
-
-def _pack(world: World, number: int) -> None:
-    pack(world.sources / "waving.tcfit", world.out / "packed.tcfit.zip")
-
-
 def _export(world: World, number: int) -> None:
     kind = list(EXPORTED)[number % len(EXPORTED)]
     command = ["export", str(world.sources / "waving.tcfit"), "--out", str(world.out), "--overwrite", "--formats", kind]
@@ -183,10 +173,7 @@ def _task(world: World, number: int) -> ClipTask:
     return task
 
 
-DEEDS = {
-    f.__name__[1:]: f
-    for f in (_new, _edit, _run, _import, _result, _say, _unpack, _pack, _export, _migrate, _fit, _batch)
-}
+DEEDS = {f.__name__[1:]: f for f in (_new, _edit, _run, _import, _result, _say, _export, _migrate, _fit, _batch)}
 
 
 def _work(world: World, first: int) -> Callable[[Report], None]:
@@ -228,7 +215,7 @@ def _check(world: World, done: set[tuple[str, int]]) -> None:
         _check_written(path)
 
 
-NEW = ("new", "result", "unpack", "migrate", "batch")
+NEW = ("new", "result", "migrate", "batch")
 """Those that make something of their own each time."""
 
 
@@ -240,7 +227,7 @@ def _check_made(world: World, folder: Path) -> None:
         with Project.open(folder) as project:
             assert (len(project.clip) == len(sample_clip()) and not project.media.problem) or kind != "new"
             assert not project.damage
-            finished = {"new": 0, "result": 1, "unpack": 2, "older": 2}[kind]
+            finished = {"new": 0, "result": 1, "older": 2}[kind]
             assert [project.runs.load(run.id).last.phase for run in project.runs.all()] == [3] * finished
 
 

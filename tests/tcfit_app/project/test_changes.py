@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from fitting_core.results.fit_result import FitResult
-from tcfit_app.project.packed import pack, unpack
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.changes import Frames
 from tests.samples.project_samples import BODY, CONFIG, assert_same_fit, random_edit, sample_clip, sample_fit
@@ -50,28 +49,25 @@ def test_changes_that_a_killed_process_left_are_not_those_of_the_next_run(folder
         assert_same_fit(project.runs.load(run.id), sample_fit(2))
 
 
-def test_the_log_says_which_changes_count(folder: Path, tmp_path: Path):
+def test_the_log_says_which_changes_count(folder: Path):
     with Project.open(folder) as project:
         fits = [sample_fit(0)]
         project.runs.start(CONFIG, fit=fits[0], body=BODY, edits_seen=0)
         for number, window in enumerate((range(0, 3), range(2, 5), range(1, 2)), 1):
             project.append(random_edit(number))
             fits.append(changed(project, fits[-1], window, number))
-    pack(folder, tmp_path / "walk.tcfit.zip")
-    unpack(tmp_path / "walk.tcfit.zip", tmp_path / "again.tcfit")
-    for opened in (folder, tmp_path / "again.tcfit"):
-        with Project.open(opened) as project:
-            for left in (2, 1, 0):
-                project.undo()
-                assert_same_fit(project.runs.load(2), fits[left])
-                assert project.runs.get(2).edits_seen == left and project.runs.get(2).emptied == (left == 0)
-                assert [run.id for run in project.runs.all()] == ([1, 2] if left else [1])
-            for left in (1, 2, 3):
-                project.redo()
-                assert_same_fit(project.runs.load(2), fits[left])
-            assert_same_fit(project.runs.load(2, 1), fits[1])
-            for _ in range(3):
-                project.undo()
-            project.append(random_edit(4))
-            project.runs.changes(2).forget_undone()
+    with Project.open(folder) as project:
+        for left in (2, 1, 0):
+            project.undo()
+            assert_same_fit(project.runs.load(2), fits[left])
+            assert project.runs.get(2).edits_seen == left and project.runs.get(2).emptied == (left == 0)
+            assert [run.id for run in project.runs.all()] == ([1, 2] if left else [1])
+        for left in (1, 2, 3):
+            project.redo()
+            assert_same_fit(project.runs.load(2), fits[left])
+        assert_same_fit(project.runs.load(2, 1), fits[1])
+        for _ in range(3):
+            project.undo()
+        project.append(random_edit(4))
+        project.runs.changes(2).forget_undone()
     assert not list((folder / "runs" / "000002").iterdir())

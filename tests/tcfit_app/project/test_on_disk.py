@@ -15,7 +15,6 @@ from fitting_core.io.result_files import write_result
 from fitting_core.keypoints import Keypoints
 from fitting_core.measure.references.files import read_reference
 from tcfit_app.cli.main import main
-from tcfit_app.project.packed import pack, unpack
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database
 from tests.drivers.syncs import Syncs, recorded_syncs
@@ -32,19 +31,6 @@ def _new(folder: Path, body: BodyModel) -> Path:
     (folder / "new" / "project.lock").unlink()  # both come when it is opened, and hold nothing
     (folder / "new" / "runs").rmdir()
     return folder / "new"
-
-
-def _unpack(folder: Path, body: BodyModel) -> Path:
-    with Project.open(_new(folder, body)) as project:
-        project.runs.finish(project.runs.start(CONFIG, body=BODY, edits_seen=0).id, sample_fit(1))
-    pack(folder / "new", folder / "walk.tcfit.zip")
-    unpack(folder / "walk.tcfit.zip", folder / "walk.tcfit")
-    return folder / "walk.tcfit"
-
-
-def _pack(folder: Path, body: BodyModel) -> Path:
-    pack(_new(folder, body), folder / "walk.tcfit.zip")
-    return folder / "walk.tcfit.zip"
 
 
 def _run(folder: Path, body: BodyModel) -> Path:
@@ -91,8 +77,6 @@ def _export(kind: str, name: str) -> Callable[[Path, BodyModel], Path]:
 
 WRITES: dict[str, Callable[[Path, BodyModel], Path]] = {
     "new": _new,
-    "unpack": _unpack,
-    "pack": _pack,
     "a run": _run,
     "detections": _detections,
     "a reference": _reference,
@@ -101,7 +85,6 @@ WRITES: dict[str, Callable[[Path, BodyModel], Path]] = {
     "export of a file": _export("npz", "walk.smplx.npz"),
     "export of a folder": _export("smplifyx", "walk-smplifyx"),
     "export of keypoints": _export("openpose", "walk-keypoints"),
-    "export of the project": _export("project", "walk.tcfit.zip"),
 }
 
 

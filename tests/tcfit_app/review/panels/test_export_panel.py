@@ -19,8 +19,6 @@ from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import EXPORTS, Export
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import MoveKeypoint
-from tcfit_app.project.packed import unpack
-from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Press
 from tcfit_app.review.panels.export_panel import ExportPanel
 from tests.drivers.lone_page import LonePage
@@ -101,7 +99,7 @@ def test_files_are_downloaded(panel_of: Opener):
         with ZipFile(io.BytesIO(got[name])) as archive:
             assert sum(entry.endswith(suffix) for entry in archive.namelist()) == count
             assert any(entry.endswith(".json") for entry in archive.namelist()), "what the format has no place for"
-    others = {"fbx", "elan", "picture", "sheet", "overlay", "side-by-side", "project", "project-with-video"}
+    others = {"fbx", "elan", "picture", "sheet", "overlay", "side-by-side"}
     assert set(EXPORTS) - set(_MADE) == others
 
 
@@ -176,7 +174,7 @@ def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of
     tested.press("export.frames", "selected")
     assert name("npz") == "-fit1-first-pass-2-4.smplx.npz"
     assert name("figures") == "-2-4.figures.csv", "it shows A and B"
-    assert name("pose") == "-2-4.pose" and name("project") == ".tcfit.zip"
+    assert name("pose") == "-2-4.pose"
     tested.page.tab.set(frames=None, a=FitChoice(phase=2))
     tested.draw()
     assert name("figures") == "-fit1-one-shape-fit1.figures.csv"
@@ -186,15 +184,6 @@ def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of
     assert name("summary") == "-fit1.summary.json"
     tested.page.tab.set(b=FitChoice(run=second.id))
     assert name("summary") == ".summary.json"
-
-
-def test_the_project_is_downloaded(panel_of: Opener, tmp_path: Path):
-    tested = opened(panel_of)
-    tested.fit()
-    (tmp_path / "got.zip").write_bytes(downloaded(tested, "project"))
-    unpack(tmp_path / "got.zip", tmp_path / "got.tcfit")
-    with Project.open(tmp_path / "got.tcfit") as found:
-        assert [run.name for run in found.runs.all()] == ["Fit 1"] and found.runs.load(1).last.phase == 3
 
 
 def test_exported_keypoints_are_the_corrected_ones(panel_of: Opener, tmp_path: Path):
