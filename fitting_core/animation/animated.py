@@ -1,17 +1,19 @@
-"""A moving standard rig with the person's surface, from which its files are written."""
+"""A moving rig, SMPL-X's own skeleton or a standard one, with the person's surface: the content of its files."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from fitting_core.animation.morphs import Morphs, corrective_morphs, expression_morphs, joined_morphs
-from fitting_core.animation.retargeting import PosedSkeleton, RigMotion, turned
-from fitting_core.animation.rig import Deviation, four_weights
+from fitting_core.animation.retargeting import PosedSkeleton, RigMotion, own_skeleton, turned
 from fitting_core.animation.standard import Standard, bent, standard_target
 from fitting_core.body.model import JOINTS
-from fitting_core.motion import CHUNK, Motion, Progress
+from fitting_core.motion import Motion, Progress
 
+_WEIGHTS = 4
+"""Maximum number of joints that a vertex follows: the limit of real-time graphics."""
 _LOOKED_AT = 64
 """Frames, evenly over the motion, in which the surface is compared with the fit's."""
 
@@ -38,6 +40,11 @@ class RigSurface:
         return (transform[..., :3] @ shapes[..., None])[..., 0] + transform[..., 3]
 
 
+def on_own_skeleton(motion: Motion) -> RigMotion:
+    """A motion on SMPL-X's joints, in the y-up world; betas that differ by frame become their mean."""
+    return turned(PosedSkeleton.of(motion), own_skeleton(motion.in_axes("y-up").shaped_body))
+
+
 def on_standard(motion: Motion, standard: Standard) -> RigMotion:
     """A motion on a standard rig with the person's bones, in the y-up world."""
     upright = motion.in_axes("y-up").one_shape
@@ -61,13 +68,13 @@ def _floor(upright: Motion) -> float:
 
 
 def surface_on(motion: Motion, moving: RigMotion) -> RigSurface:
-    """The person's surface on a standard rig.
+    """The person's surface on a rig.
 
     Where joints are bent from one rest pose to the other, skinning twice is not skinning once: see `surface_deviation`.
     """
     shaped = motion.in_axes("y-up").one_shape
     body, target = shaped.shaped_body, moving.target
-    bones, weights = four_weights(body.skinning_weights)
+    bones, weights = _four_weights(body.skinning_weights)
     where = np.array([target.of_joint[name] for name in JOINTS])
     morphs = joined_morphs(expression_morphs(shaped), corrective_morphs(shaped))
     turns = np.einsum("vk,vkab->vab", weights, target.rest[bones])
@@ -81,20 +88,28 @@ def surface_on(motion: Motion, moving: RigMotion) -> RigSurface:
     )
 
 
+def _four_weights(weights: Float[np.ndarray, "V 55"]) -> tuple[Int[np.ndarray, "V 4"], Float[np.ndarray, "V 4"]]:
+    """The four largest weights of each vertex, made to sum up to 1, and their joints."""
+    bones = np.argsort(-weights, axis=1, kind="stable")[:, :_WEIGHTS]
+    kept = np.take_along_axis(weights, bones, 1)
+    return bones, (kept / kept.sum(1, keepdims=True)).astype(np.float32)
+
+
 def surface_deviation(
     motion: Motion, moving: RigMotion, surface: RigSurface, progress: Progress | None = None
-) -> Deviation:
-    """How far the skinned surface is from the fit's, over at most 64 frames, evenly over the motion."""
+) -> dict[str, Any]:
+    """How far the skinned surface is from the fit's, over at most 64 frames, evenly over the motion; for a file."""
     upright = motion.in_axes("y-up")
     frames = np.unique(np.linspace(0, len(motion) - 1, min(_LOOKED_AT, len(motion))).round().astype(int)).tolist()
-    largest, total, frame = -1.0, 0.0, 0
-    for done, start in enumerate(range(0, len(frames), CHUNK)):
-        for t in frames[start : start + CHUNK]:
-            shown = surface.at(moving, slice(t, t + 1))[0]
-            off = np.linalg.norm(shown - upright.mesh(upright.params[t : t + 1]).numpy()[0], axis=-1)
-            total += float(off.mean())
-            if off.max() > largest:
-                largest, frame = float(off.max()), t
+    largest, total = 0.0, 0.0
+    for done, t in enumerate(frames, 1):
+        shown = surface.at(moving, slice(t, t + 1))[0]
+        off = np.linalg.norm(shown - upright.mesh(upright.params[t : t + 1]).numpy()[0], axis=-1)
+        largest, total = max(largest, float(off.max())), total + float(off.mean())
         if progress:
-            progress(min(1.0, (done + 1) * CHUNK / len(frames)))
-    return Deviation(largest=largest, mean=total / len(frames), frame=frame)
+            progress(done / len(frames))
+    return {
+        "largest_deviation_m": round(largest, 7),
+        "mean_deviation_m": round(total / len(frames), 7),
+        "deviation": "of the skinned vertices from the fit's, over at most 64 frames",
+    }

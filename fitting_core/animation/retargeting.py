@@ -15,10 +15,9 @@ import torch
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
-from fitting_core.animation.rig import same_hemisphere
 from fitting_core.body.geometry import shortest_rotation, twist, unit
 from fitting_core.body.kinematics import Tree, pose_joints
-from fitting_core.body.model import JOINT, JOINTS
+from fitting_core.body.model import JOINT, JOINTS, BodyModel
 from fitting_core.motion import Motion
 
 FINGERS = ("index", "middle", "pinky", "ring", "thumb")
@@ -150,6 +149,26 @@ class RigMotion:
                 local[:, k] = world[:, p].swapaxes(-1, -2) @ world[:, k]
         quaternions = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_quat().reshape(*local.shape[:2], 4)
         return same_hemisphere(quaternions)
+
+
+def same_hemisphere(turns: Float[np.ndarray, "T *n 4"]) -> Float[np.ndarray, "T *n 4"]:
+    """The same rotations with signs by which each is near the one before: q and -q turn alike, what is between not."""
+    flips = np.where((turns[1:] * turns[:-1]).sum(-1) < 0, -1.0, 1.0)
+    return turns * np.concatenate([np.ones_like(turns[:1, ..., 0]), flips.cumprod(0)])[..., None]
+
+
+def own_skeleton(body: BodyModel) -> Target:
+    """SMPL-X's joints themselves, of a body whose mean shape is the person's."""
+    rest = np.tile(np.eye(3), (len(JOINTS), 1, 1))
+    return Target(
+        names=tuple(JOINTS),
+        parents=body.parents,
+        places=body.rest_joints,
+        turns=rest,
+        sources=tuple(map(Source, JOINTS)),
+        rest=rest,
+        root=JOINT["pelvis"],
+    )
 
 
 def turned(posed: PosedSkeleton, target: Target) -> RigMotion:

@@ -15,34 +15,32 @@ from typing import Any
 
 import numpy as np
 import pygltflib as gltf
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.animation.rig import Deviation, Rig, deviation, rig_of
-from fitting_core.body.geometry import vertex_normals
-from fitting_core.body.model import JOINTS, N_JOINTS
+from fitting_core.animation.animated import RigSurface, on_own_skeleton, surface_deviation, surface_on
+from fitting_core.animation.retargeting import RigMotion, same_hemisphere
+from fitting_core.body.model import N_JOINTS
 from fitting_core.files.atomic import replacing
 from fitting_core.io.motion.gltf_buffer import Buffer
+from fitting_core.io.motion.rig_glb import Channels, joint_nodes, material_of, mesh_of, skin_of
 from fitting_core.motion import Motion, Progress, stated
 
 _AXES = "y-up"
 _ROOT, _MESH, _CAMERA, _FIRST_JOINT = range(4)
 """Nodes: the rig's root, the skinned mesh, the camera, then the joints. The next person's follow, without a camera."""
-_COLORS = ([0.62, 0.68, 0.76, 1.0], [0.80, 0.62, 0.50, 1.0], [0.55, 0.72, 0.58, 1.0], [0.74, 0.60, 0.76, 1.0])
 
 
-def write_glb(path: Path, motion: Motion, progress: Progress | None = None) -> Deviation:
-    """Write a motion in any axes, and return how far the vertices will be from the fit's as programs show them.
+def write_glb(path: Path, motion: Motion, progress: Progress | None = None) -> None:
+    """Write a motion in any axes; the file says how far the vertices are from the fit's as programs show them.
 
     Raises:
         OSError: The file cannot be written; nothing is left of it.
     """
-    return write_people_glb(path, [motion], name=motion.name, progress=progress)[0]
+    write_people_glb(path, [motion], name=motion.name, progress=progress)
 
 
-def write_people_glb(
-    path: Path, motions: Sequence[Motion], *, name: str, progress: Progress | None = None
-) -> list[Deviation]:
+def write_people_glb(path: Path, motions: Sequence[Motion], *, name: str, progress: Progress | None = None) -> None:
     """Write the motions of several people of one clip, each as in `write_glb`.
 
     Args:
@@ -61,7 +59,6 @@ def write_people_glb(
         people.append(_person(motion.in_axes(_AXES), nodes, partial(_part_of, tell, k, len(motions))))
     with replacing(path) as draft:
         _document(people, name).save_binary(str(draft))
-    return [one.deviation for one in people]
 
 
 def _part_of(tell: Progress, k: int, count: int, share: float) -> None:
@@ -85,23 +82,18 @@ _ONE = _Nodes(_ROOT, _MESH, _FIRST_JOINT)
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Person:
     motion: Motion
-    rig: Rig
-    deviation: Deviation
+    moving: RigMotion
+    surface: RigSurface
+    stated: dict[str, Any]
+    """The file's extras."""
     nodes: _Nodes
-
-    @property
-    def stated(self) -> dict[str, Any]:
-        """The file's extras."""
-        return stated(self.motion) | {
-            "largest_deviation_m": round(self.deviation.largest, 7),
-            "mean_deviation_m": round(self.deviation.mean, 7),
-            "deviation": "of the skinned vertices from the fit's, over all frames",
-        }
 
 
 def _person(motion: Motion, nodes: _Nodes, tell: Progress) -> _Person:
-    rig = rig_of(motion)
-    return _Person(motion=motion, rig=rig, deviation=deviation(rig, motion, tell), nodes=nodes)
+    moving = on_own_skeleton(motion)
+    surface = surface_on(motion, moving)
+    said = stated(motion) | surface_deviation(motion, moving, surface, tell)
+    return _Person(motion=motion, moving=moving, surface=surface, stated=said, nodes=nodes)
 
 
 def _document(people: list[_Person], name: str) -> gltf.GLTF2:
@@ -113,25 +105,16 @@ def _document(people: list[_Person], name: str) -> gltf.GLTF2:
         scenes=[gltf.Scene(name=name, nodes=[*tops[:2], _CAMERA, *tops[2:]], extras=said)],
         nodes=_nodes(people),
         cameras=[_camera(people[0].motion)],
-        materials=[_material(k) for k in range(len(people))],
+        materials=[material_of(k) for k in range(len(people))],
     )
     buffer = Buffer(document)
-    document.meshes = [_mesh(one.rig, buffer, k) for k, one in enumerate(people)]
-    document.skins = [_skin(one, buffer) for one in people]
+    document.meshes = [mesh_of(one.surface, buffer, k) for k, one in enumerate(people)]
+    for one, mesh in zip(people, document.meshes, strict=True):
+        mesh.weights = one.surface.morphs.weights[0].tolist()
+    document.skins = [skin_of(one.moving.target, buffer, one.nodes.first_joint) for one in people]
     document.animations = [_animation(people, name, buffer)]
     buffer.close()
     return document
-
-
-def _skin(one: _Person, buffer: Buffer) -> gltf.Skin:
-    inverse = np.tile(np.eye(4, dtype=np.float32), (N_JOINTS, 1, 1))
-    inverse[:, 3, :3] = -one.rig.joints  # column-major: the translation is the last row here
-    first = one.nodes.first_joint
-    return gltf.Skin(
-        joints=[first + j for j in range(N_JOINTS)],
-        skeleton=first,
-        inverseBindMatrices=buffer.add(inverse.reshape(-1, 16)),
-    )
 
 
 def _nodes(people: list[_Person]) -> list[gltf.Node]:
@@ -141,24 +124,8 @@ def _nodes(people: list[_Person]) -> list[gltf.Node]:
         nodes.append(gltf.Node(name=one.motion.name, children=[one.nodes.first_joint]))
         nodes.append(gltf.Node(name=name, mesh=k, skin=k))
         nodes += [_camera_node(people)] if k == 0 else []
-        nodes += _joint_nodes(one)
+        nodes += joint_nodes(one.moving, one.nodes.first_joint, posed=True)
     return nodes
-
-
-def _joint_nodes(one: _Person) -> list[gltf.Node]:
-    rig, first = one.rig, one.nodes.first_joint
-    offsets = rig.joints.copy()
-    offsets[1:] -= rig.joints[rig.parents[1:]]
-    offsets[0] = rig.places[0]
-    return [
-        gltf.Node(
-            name=JOINTS[j],
-            translation=offsets[j].tolist(),
-            rotation=rig.turns[0, j].tolist(),
-            children=[first + int(child) for child in np.flatnonzero(rig.parents == j)],
-        )
-        for j in range(N_JOINTS)
-    ]
 
 
 def _camera_node(people: list[_Person]) -> gltf.Node:
@@ -178,13 +145,7 @@ def _camera_poses(people: list[_Person]) -> tuple[list[int], Float[np.ndarray, "
             turns[motion.first_frame + t] = turn @ np.diag([1.0, -1.0, -1.0])
     frames = sorted(places)
     quaternions = Rotation.from_matrix([turns[frame] for frame in frames]).as_quat()
-    return frames, np.array([places[frame] for frame in frames]), _without_jumps(quaternions)
-
-
-def _without_jumps(quaternions: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 4"]:
-    """The quaternions with signs chosen to be near the previous one, since programs interpolate linearly."""
-    crossed = (quaternions[1:] * quaternions[:-1]).sum(1) < 0
-    return quaternions * np.where(np.append(False, np.cumsum(crossed) % 2 == 1), -1.0, 1.0)[:, None]
+    return frames, np.array([places[frame] for frame in frames]), same_hemisphere(quaternions)
 
 
 def _camera(motion: Motion) -> gltf.Camera:
@@ -199,78 +160,26 @@ def _camera(motion: Motion) -> gltf.Camera:
     )
 
 
-def _material(person: int) -> gltf.Material:
-    return gltf.Material(
-        name="body" if person == 0 else f"body {person + 1}",
-        pbrMetallicRoughness=gltf.PbrMetallicRoughness(
-            baseColorFactor=_COLORS[person % len(_COLORS)], metallicFactor=0.0, roughnessFactor=0.7
-        ),
-    )
-
-
-def _mesh(rig: Rig, buffer: Buffer, person: int) -> gltf.Mesh:
-    vertices = gltf.ARRAY_BUFFER
-    attributes = gltf.Attributes(
-        POSITION=buffer.add(rig.vertices, vertices, bounds=True),
-        NORMAL=buffer.add(_normals(rig), vertices),
-        JOINTS_0=buffer.add(rig.bones.astype(np.uint8), vertices),
-        WEIGHTS_0=buffer.add(rig.weights, vertices),
-    )
-    primitive = gltf.Primitive(
-        attributes=attributes,
-        indices=buffer.add(rig.faces.astype(np.uint32).ravel(), gltf.ELEMENT_ARRAY_BUFFER),
-        material=person,
-        targets=[gltf.Attributes(POSITION=buffer.add(shape, vertices, bounds=True)) for shape in rig.morphs.directions],
-    )
-    mesh = gltf.Mesh(
-        name="body",
-        primitives=[primitive],
-        extras={"targetNames": list(rig.morphs.names), "targetUnits": rig.morphs.units},
-    )
-    if rig.morphs.names:
-        mesh.weights = rig.morphs.weights[0].tolist()
-    return mesh
-
-
-def _normals(rig: Rig) -> Float[np.ndarray, "V 3"]:
-    normals = vertex_normals(rig.vertices.astype(float), rig.faces)
-    return np.where(normals.any(1, keepdims=True), normals, (0.0, 1.0, 0.0)).astype(np.float32)
-
-
 def _animation(people: list[_Person], name: str, buffer: Buffer) -> gltf.Animation:
-    animation = gltf.Animation(name=name, samplers=[], channels=[])
-    rate = people[0].motion.frame_rate
+    channels, rate = Channels(name, buffer), people[0].motion.frame_rate
     begins = min(one.motion.first_frame for one in people)
     ends = max(one.motion.first_frame + len(one.motion) for one in people)
-    times: dict[bytes, int] = {}
 
-    def times_of(frames: Int[np.ndarray, "n"]) -> int:
-        at = ((frames - begins) / rate).astype(np.float32)
-        if at.tobytes() not in times:
-            times[at.tobytes()] = buffer.add(at, bounds=True)
-        return times[at.tobytes()]
-
-    def add(frames: Int[np.ndarray, "n"], node: int, path: str, values: np.ndarray, how: str = "LINEAR") -> None:
-        output = buffer.add(values.astype(np.float32).ravel() if path == "weights" else values.astype(np.float32))
-        animation.samplers.append(gltf.AnimationSampler(input=times_of(frames), output=output, interpolation=how))
-        target = gltf.AnimationChannelTarget(node=node, path=path)
-        animation.channels.append(gltf.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
+    def seconds(frames: Sequence[int] | range) -> Float[np.ndarray, "n"]:
+        return (np.array(frames) - begins) / rate
 
     if people[0].motion.camera.path is not None:
         frames, places, turns = _camera_poses(people)
-        add(np.array(frames), _CAMERA, "translation", places)
-        add(np.array(frames), _CAMERA, "rotation", turns)
+        channels.add(seconds(frames), _CAMERA, "translation", places)
+        channels.add(seconds(frames), _CAMERA, "rotation", turns)
     for one in people:
-        rig, nodes = one.rig, one.nodes
         first, last = one.motion.first_frame, one.motion.first_frame + len(one.motion)
-        frames = np.arange(first, last)
-        add(frames, nodes.first_joint, "translation", rig.places)
-        for j in range(N_JOINTS):
-            add(frames, nodes.first_joint + j, "rotation", rig.turns[:, j])
-        if rig.morphs.names:
-            add(frames, nodes.mesh, "weights", rig.morphs.weights)
+        own = seconds(range(first, last))
+        channels.add_joints(own, one.moving, one.nodes.first_joint)
+        if one.surface.morphs.names:
+            channels.add(own, one.nodes.mesh, "weights", one.surface.morphs.weights)
         if (first, last) != (begins, ends):
             turning = sorted({begins, first, min(last, ends - 1)})
             there = np.array([[float(first <= frame < last)] * 3 for frame in turning])
-            add(np.array(turning), nodes.root, "scale", there, "STEP")
-    return animation
+            channels.add(seconds(turning), one.nodes.root, "scale", there, "STEP")
+    return channels.animation

@@ -1,19 +1,20 @@
-"""A moving standard rig as binary glTF: the person's surface skinned to its joints, in its rest pose, animated.
+"""A moving rig as binary glTF: the person's surface skinned to its joints, in its rest pose, animated.
 
-Like `io/motion/glb.py`, which writes the body on its own skeleton. Metres, y up. Nodes and skin have the same rest
-pose. Facts about the motion, and the surface's deviation from the fit's, are in the extras of asset and scene.
+Metres, y up. Nodes and skin have the same rest pose. Facts about the motion, and the surface's deviation from the
+fit's, are in the extras of asset and scene. `glb.py` writes the body on its own skeleton with these parts.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pygltflib as gltf
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from fitting_core.animation.animated import RigSurface, on_standard, surface_deviation, surface_on
-from fitting_core.animation.retargeting import RigMotion
-from fitting_core.animation.rig import Deviation
+from fitting_core.animation.retargeting import RigMotion, Target
 from fitting_core.animation.standard import Standard
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.files.atomic import replacing
@@ -22,105 +23,120 @@ from fitting_core.motion import Motion, Progress, stated
 
 ARMATURE, MESH, FIRST_JOINT = range(3)
 """Nodes: the rig's root, the skinned mesh, then the joints."""
-_COLOR = [0.62, 0.68, 0.76, 1.0]
+_COLORS = ([0.62, 0.68, 0.76, 1.0], [0.80, 0.62, 0.50, 1.0], [0.55, 0.72, 0.58, 1.0], [0.74, 0.60, 0.76, 1.0])
 
 
-def write_standard_glb(path: Path, motion: Motion, standard: Standard, progress: Progress | None = None) -> Deviation:
-    """Write a motion on a standard rig; returns how far the surface will be from the fit's as programs show it. Raises
+def write_standard_glb(path: Path, motion: Motion, standard: Standard, progress: Progress | None = None) -> None:
+    """Write a motion on a standard rig; the file says how far the surface is from the fit's as programs show it. Raises
     OSError if the file cannot be written; nothing is left of it."""
     moving = on_standard(motion, standard)
     surface = surface_on(motion, moving)
-    found = surface_deviation(motion, moving, surface, progress)
-    document, buffer = skinned_document(motion, moving, surface, said_of(motion, standard, found))
+    facts = stated(motion.in_axes("y-up")) | {"rig": standard.title, "rig_lengths": "the person's"}
+    facts |= surface_deviation(motion, moving, surface, progress)
+    document, buffer = skinned_document(motion, moving, surface, facts)
     document.animations = [animation_of(motion, moving, buffer, surface=surface)]
     buffer.close()
     with replacing(path) as draft:
         document.save_binary(str(draft))
-    return found
-
-
-def said_of(motion: Motion, standard: Standard, found: Deviation) -> dict[str, Any]:
-    """For the extras."""
-    return stated(motion.in_axes("y-up")) | {
-        "rig": standard.title,
-        "rig_lengths": "the person's",
-        "largest_deviation_m": round(found.largest, 7),
-        "mean_deviation_m": round(found.mean, 7),
-        "deviation": "of the skinned vertices, over at most 64 frames; the joints are where the fit has them",
-    }
 
 
 def skinned_document(
     motion: Motion, moving: RigMotion, surface: RigSurface, said: dict[str, Any]
 ) -> tuple[gltf.GLTF2, Buffer]:
     """The file without animation, at rest; its buffer is still open."""
-    target = moving.target
     document = gltf.GLTF2(
         asset=gltf.Asset(version="2.0", generator="tcfit", extras=said),
         scene=0,
         scenes=[gltf.Scene(name=motion.name, nodes=[ARMATURE, MESH], extras=said)],
         nodes=[gltf.Node(name=motion.name, children=[FIRST_JOINT]), gltf.Node(name="body", mesh=0, skin=0)],
-        materials=[_material()],
+        materials=[material_of(0)],
     )
     document.nodes += joint_nodes(moving)
     buffer = Buffer(document)
-    document.meshes = [_mesh(surface, buffer)]
-    world = np.tile(np.eye(4), (len(target), 1, 1))
-    world[:, :3, :3], world[:, :3, 3] = target.turns, target.places
-    inverse = np.linalg.inv(world).swapaxes(-1, -2).astype(np.float32)  # column-major
-    document.skins = [
-        gltf.Skin(
-            joints=[FIRST_JOINT + k for k in range(len(target))],
-            skeleton=FIRST_JOINT,
-            inverseBindMatrices=buffer.add(inverse.reshape(-1, 16)),
-        )
-    ]
+    document.meshes = [mesh_of(surface, buffer)]
+    document.skins = [skin_of(moving.target, buffer)]
     return document, buffer
 
 
-def joint_nodes(moving: RigMotion) -> list[gltf.Node]:
-    """The joints at rest, from node FIRST_JOINT on."""
-    target = moving.target
-    nodes = []
+def skin_of(target: Target, buffer: Buffer, first: int = FIRST_JOINT) -> gltf.Skin:
+    """The joints that a mesh follows, from a node on, and how they stand at rest."""
+    world = np.tile(np.eye(4), (len(target), 1, 1))
+    world[:, :3, :3], world[:, :3, 3] = target.turns, target.places
+    inverse = np.linalg.inv(world).swapaxes(-1, -2).astype(np.float32)  # column-major
+    joints = [first + k for k in range(len(target))]
+    return gltf.Skin(joints=joints, skeleton=first, inverseBindMatrices=buffer.add(inverse.reshape(-1, 16)))
+
+
+def joint_nodes(moving: RigMotion, first: int = FIRST_JOINT, *, posed: bool = False) -> list[gltf.Node]:
+    """The joints, from a node on: at rest, or `posed` as in the first frame."""
+    target, nodes = moving.target, list[gltf.Node]()
+    posing = moving.local[0] if posed else None
     for k, p in enumerate(target.parents):
         turn, place = target.turns[k], target.places[k]
         if p >= 0:
             turn, place = target.turns[p].T @ turn, target.turns[p].T @ (place - target.places[p])
-        children = [FIRST_JOINT + int(child) for child in np.flatnonzero(target.parents == k)]
-        rotation = Rotation.from_matrix(turn).as_quat().tolist()
-        nodes.append(gltf.Node(name=target.names[k], translation=place.tolist(), rotation=rotation, children=children))
+        rotation = Rotation.from_matrix(turn).as_quat()
+        if posing is not None:
+            rotation, place = posing[k], moving.root[0] if k == target.root else place
+        children = [first + int(child) for child in np.flatnonzero(target.parents == k)]
+        nodes.append(
+            gltf.Node(name=target.names[k], translation=place.tolist(), rotation=rotation.tolist(), children=children)
+        )
     return nodes
 
 
+class Channels:
+    """An animation under construction."""
+
+    def __init__(self, name: str, buffer: Buffer) -> None:
+        self.animation = gltf.Animation(name=name, samplers=[], channels=[])
+        self._buffer, self._times = buffer, dict[bytes, int]()
+
+    def add(
+        self, seconds: Float[np.ndarray, "n"], node: int, path: str, values: np.ndarray, how: str = "LINEAR"
+    ) -> None:
+        """Set a node's translation, rotation, scale or weights at some times; channels of the same times share them."""
+        at = seconds.astype(np.float32)
+        if at.tobytes() not in self._times:
+            self._times[at.tobytes()] = self._buffer.add(at, bounds=True)
+        output = self._buffer.add(values.astype(np.float32).ravel() if path == "weights" else values.astype(np.float32))
+        animation, when = self.animation, self._times[at.tobytes()]
+        animation.samplers.append(gltf.AnimationSampler(input=when, output=output, interpolation=how))
+        target = gltf.AnimationChannelTarget(node=node, path=path)
+        animation.channels.append(gltf.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
+
+    def add_joints(self, seconds: Float[np.ndarray, "T"], moving: RigMotion, first: int = FIRST_JOINT) -> None:
+        """The joints' rotations, and the positions of the pelvis and of joints above it."""
+        target, places, local = moving.target, moving.places, moving.local
+        for k, p in enumerate(target.parents):
+            if k == target.root or p < 0:
+                where = places[:, k] if p < 0 else (places[:, k] - places[:, p]) @ target.turns[p]
+                self.add(seconds, first + k, "translation", where)
+            if target.sources[k] is not None:
+                self.add(seconds, first + k, "rotation", local[:, k])
+
+
 def animation_of(
-    motion: Motion, moving: RigMotion, buffer: Buffer, *, surface: RigSurface | None = None
+    motion: Motion,
+    moving: RigMotion,
+    buffer: Buffer,
+    *,
+    surface: RigSurface | None = None,
+    more: Sequence[tuple[int, np.ndarray]] = (),
 ) -> gltf.Animation:
-    """The joints' rotations, the pelvis's position and the shapes' weights at the frames' times."""
-    target, times = moving.target, np.arange(len(motion)) / motion.frame_rate
-    animation = gltf.Animation(name=motion.name, samplers=[], channels=[])
-    when = buffer.add(times.astype(np.float32), bounds=True)
-
-    def add(node: int, path: str, values: np.ndarray) -> None:
-        output = buffer.add(values.astype(np.float32))
-        animation.samplers.append(gltf.AnimationSampler(input=when, output=output, interpolation="LINEAR"))
-        channel = gltf.AnimationChannelTarget(node=node, path=path)
-        animation.channels.append(gltf.AnimationChannel(sampler=len(animation.samplers) - 1, target=channel))
-
-    places, local = moving.places, moving.local
-    for k, p in enumerate(target.parents):
-        if k == target.root or p < 0:
-            where = places[:, k]
-            if p >= 0:
-                where = (where - places[:, p]) @ target.turns[p]
-            add(FIRST_JOINT + k, "translation", where)
-        if target.sources[k] is not None:
-            add(FIRST_JOINT + k, "rotation", local[:, k])
+    """The joints' rotations, the pelvis's position and the shapes' weights at the frames' times; and translations of
+    more nodes."""
+    channels, seconds = Channels(motion.name, buffer), np.arange(len(motion)) / motion.frame_rate
+    channels.add_joints(seconds, moving)
     if surface is not None and surface.morphs.names:
-        add(MESH, "weights", surface.morphs.weights.ravel())
-    return animation
+        channels.add(seconds, MESH, "weights", surface.morphs.weights)
+    for node, values in more:
+        channels.add(seconds, node, "translation", values)
+    return channels.animation
 
 
-def _mesh(surface: RigSurface, buffer: Buffer) -> gltf.Mesh:
+def mesh_of(surface: RigSurface, buffer: Buffer, material: int = 0) -> gltf.Mesh:
+    """A surface at rest."""
     vertices, morphs = gltf.ARRAY_BUFFER, surface.morphs
     normals = vertex_normals(surface.vertices.astype(float), surface.faces)
     normals = np.where(normals.any(1, keepdims=True), normals, (0.0, 1.0, 0.0)).astype(np.float32)
@@ -132,15 +148,18 @@ def _mesh(surface: RigSurface, buffer: Buffer) -> gltf.Mesh:
             WEIGHTS_0=buffer.add(surface.weights, vertices),
         ),
         indices=buffer.add(surface.faces.astype(np.uint32).ravel(), gltf.ELEMENT_ARRAY_BUFFER),
-        material=0,
+        material=material,
         targets=[gltf.Attributes(POSITION=buffer.add(shape, vertices, bounds=True)) for shape in morphs.directions],
     )
     extras = {"targetNames": list(morphs.names), "targetUnits": morphs.units}
     return gltf.Mesh(name="body", primitives=[primitive], extras=extras)
 
 
-def _material() -> gltf.Material:
+def material_of(person: int) -> gltf.Material:
+    """A colour for each of several people."""
     return gltf.Material(
-        name="body",
-        pbrMetallicRoughness=gltf.PbrMetallicRoughness(baseColorFactor=_COLOR, metallicFactor=0.0, roughnessFactor=0.7),
+        name="body" if person == 0 else f"body {person + 1}",
+        pbrMetallicRoughness=gltf.PbrMetallicRoughness(
+            baseColorFactor=_COLORS[person % len(_COLORS)], metallicFactor=0.0, roughnessFactor=0.7
+        ),
     )

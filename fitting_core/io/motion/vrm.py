@@ -104,10 +104,9 @@ def write_vrm_animation(path: Path, motion: Motion, progress: Progress | None = 
     nodes = {name: FIRST_JOINT + joints + k for k, name in enumerate(expressions)}
     document.nodes[MESH].children = list(nodes.values())
     buffer = Buffer(document)
-    animation = animation_of(motion, moving, buffer)
-    for name, values in expressions.items():
-        _animate(animation, nodes[name], values, buffer)
-    document.animations = [animation]
+    # glTF has an expression's weight in the x of a node's translation.
+    more = [(nodes[name], values[:, None] * (1.0, 0.0, 0.0)) for name, values in expressions.items()]
+    document.animations = [animation_of(motion, moving, buffer, more=more)]
     buffer.close()
     document.extensions = {
         "VRMC_vrm_animation": {
@@ -120,16 +119,6 @@ def write_vrm_animation(path: Path, motion: Motion, progress: Progress | None = 
         document.save_binary(str(draft))
     if progress:
         progress(1.0)
-
-
-def _animate(animation: gltf.Animation, node: int, values: Float[np.ndarray, "T"], buffer: Buffer) -> None:
-    """glTF has an expression's weight in the x of a node's translation."""
-    rows = np.zeros((len(values), 3), np.float32)
-    rows[:, 0] = values
-    times = animation.samplers[0].input
-    animation.samplers.append(gltf.AnimationSampler(input=times, output=buffer.add(rows), interpolation="LINEAR"))
-    target = gltf.AnimationChannelTarget(node=node, path="translation")
-    animation.channels.append(gltf.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
 
 
 def _bones(moving: RigMotion, *, without: tuple[str, ...] = ()) -> dict[str, dict[str, int]]:

@@ -31,8 +31,7 @@ def people(free_body: BodyModel) -> list[Motion]:
 @pytest.fixture(scope="module")
 def played(people: list[Motion], tmp_path_factory: pytest.TempPathFactory) -> Player:
     path = tmp_path_factory.mktemp("glb") / "two.glb"
-    found = write_people_glb(path, people, name="two")
-    assert len(found) == 2 and max(one.largest for one in found) < 1e-3
+    write_people_glb(path, people, name="two")
     return Player.of(path)
 
 
