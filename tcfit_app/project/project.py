@@ -108,8 +108,8 @@ class Project:
         self._stored, self._database, self._lock = stored, store, held
         self.review = ReviewOfClip(store, lambda: self.last_edit)
         """Of the clip as a whole: see `ClipReview`."""
-        self.keypoints_version = self.marks_version = self.reference_version = self.video_version = 0
-        """Versions: they change with the keypoints, the marks and notes, the reference, and the video frames."""
+        self.keypoints_version = self.marks_version = self.video_version = 0
+        """Versions: they change with the keypoints, the marks and notes, and the video frames."""
         self.height = read_height(store)
         """Height of the person without shoes, centimetres; None: unknown. See `set_height`."""
         self._clip: Clip | None = None
@@ -511,7 +511,6 @@ class Project:
             store_reference(self.folder, reference)
             with self._guard:
                 self._reference, self._looked = reference, True
-                self.reference_version += 1
 
     def _marks_done(self) -> list[LogEntry]:
         with self._guard:

@@ -103,11 +103,6 @@ export interface Silhouette {
   lines: [number, number][][];
 }
 
-export interface StraightLines {
-  along: [number, number, number, number][];
-  other: [number, number, number, number][];
-}
-
 export interface Focus {
   x: number;
   y: number;
@@ -458,7 +453,6 @@ export interface States {
   header: Markup;
   bar: Markup;
   silhouette: Silhouette;
-  straight_lines: StraightLines;
   beat: Beat;
 }
 

@@ -31,7 +31,7 @@ GESTURES = {
         ("Right click", "Menu for the frames"),
         ("Drag a keyframe", "Move it to another frame"),
         ("Wheel", "Zoom; with Shift, or sideways, scroll"),
-        ("Drag the bar at the bottom", "Scroll; its ends zoom"),
+        ("Drag the bar at the bottom", "Scroll"),
     ),
 }
 """Pointer gestures by place (`browser/web/`): the gesture, and its effect."""

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import viser
 
-from fitting_core import keypoints as kp
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
 from tests.samples.media import write_images
 from tests.samples.project_samples import FRAMES
@@ -33,12 +32,6 @@ def camera(path: Path) -> Path:
     return path
 
 
-def points(path: Path) -> Path:
-    found = np.random.default_rng(0).normal(0, 0.2, (FIRST + FRAMES, len(kp.LIMBS), 3))
-    np.savez(path, points=found, names=np.array(kp.NAMES)[kp.LIMBS])
-    return path
-
-
 @dataclass(frozen=True)
 class Write:
     """What somebody asks for in a panel, and what stands for what others know of it."""
@@ -59,19 +52,11 @@ WRITES = {
         lambda page: page.page.tab.session.project.keypoints_version,
         "Camera replaced",
     ),
-    "reference": Write(
-        lambda path: points(path.with_suffix(".npz")),
-        "File",
-        "compare.reference",
-        lambda page: page.page.tab.session.project.reference_version,
-        "Reference set",
-    ),
 }
 
 
 @pytest.mark.parametrize("write", WRITES.values(), ids=WRITES.keys())
 def test_a_write_is_known_though_its_tab_was_closed_meanwhile(tested: LonePage, tmp_path: Path, write: Write):
-    tested.page.tab.set(mode="ab", folds=frozenset({"compare.reference"}))
     before = write.known(tested)
     tested.field(write.field)._impl.value = str(write.make(tmp_path / "given"))
     tested.press(write.command)

@@ -15,7 +15,7 @@ from tcfit_app.review.gestures.actions import Gestures, refusal
 from tcfit_app.review.gestures.correcting_depth import limbs_of
 from tcfit_app.review.gestures.edit_words import capitalized, describe, keypoints_in_words, part_name, whose
 from tcfit_app.review.panels.correct.hand_shapes import HandShapes
-from tcfit_app.review.panels.correct.selection import figures, sentence, states
+from tcfit_app.review.panels.correct.selection import sentence, states
 from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.fold import Fold
 from tcfit_app.review.panels.elements.html import (
@@ -106,7 +106,7 @@ class CorrectPanel:
             where = "" if view is None else f" in {view.view.clip.name}"
             parts.append(heading(capitalized(what) + where, frames, first=True))
             if not moving:
-                parts += [paragraph(sentence(tab)), *figures(tab)]
+                parts.append(paragraph(sentence(tab)))
         parts += unseen(tab)
         if project.read_only:
             parts.append(paragraph("Opened read-only: nothing can be changed.", "warn"))

@@ -1,24 +1,12 @@
-"""What the Fit panel shows while two fits are compared: which they are, their figures, and the reference."""
+"""What the Fit panel shows while two fits are compared: which they are, and their figures."""
 
 from collections.abc import Iterable
-from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
-import viser
-
-from fitting_core.camera import Camera
-from fitting_core.measure.references.files import POINT_FILES, read_reference
-from fitting_core.measure.references.reference import Reference
 from tcfit_app.analysis.run_metrics import ComparedMetric, compare
 from tcfit_app.fitting.fits import FitChoice, Shown, pass_of, passes_of
-from tcfit_app.fitting.reports import Notice
-from tcfit_app.imports.uploads import kept_as
-from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.project.storage.run_record import by_name
-from tcfit_app.review.panels.elements.field import Dropdown, frame_number
-from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
-from tcfit_app.review.panels.elements.fold import Fold
+from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -32,7 +20,6 @@ from tcfit_app.review.panels.elements.html import (
     text,
     words,
 )
-from tcfit_app.review.session.tasks import Step
 from tcfit_app.review.tab.on_show import SLOTS, Slot
 from tcfit_app.review.tab.tab import Tab
 
@@ -51,9 +38,6 @@ class Compared:
         """By their names in the dropdowns."""
         self._head, self._fits = Board(tab), [self._dropdown(side) for side in SLOTS]
         self._against, self._figures = Board(tab), Board(tab)
-        self._fold = Fold(tab, "compare.reference")
-        with self._fold:
-            self._reference = ReferenceField(tab)
 
     def _dropdown(self, side: Slot) -> Dropdown:
         handle = self._tab.client.gui.add_dropdown(side.upper(), ("",), hint=_HINTS[side])
@@ -91,8 +75,6 @@ class Compared:
         a, b, same = tab.shown.a, tab.shown.b, tab.shown.same
         stop = row(button("Stop comparing", "compare.stop", do=self._stop))
         self._head.show(*([heading("Compared"), stop, *([paragraph(_SAME, "dim")] if same else [])] if on else []))
-        if self._fold.draw("Reference", on=on):
-            self._reference.draw()
         if a is None or b is None or same:
             self._against.show()
             self._figures.show()
@@ -160,74 +142,3 @@ def _number(value: float | None, *, sign: bool = False) -> str:
     digits = 0 if abs(value) >= 100 else 1 if abs(value) >= 10 else 2 if abs(value) >= 1 else 3
     text = f"{value:+.{digits}f}" if sign else f"{value:.{digits}f}"
     return text.replace("-", "−")
-
-
-_HINT = "npz of 3D points, TRC, C3D, AMASS-style npz, truth.npz or fit.npz, on the computer where tcfit runs"
-_CAMERA_HINT = "npz with R and t of the clip's camera in the reference's world; empty: use the calibration"
-_FIRST_HINT = "Video frame number of the reference's first frame; empty: as stored in it, or 0"
-_NONE = "Without a reference, fits can only be compared with each other."
-
-
-class ReferenceField:
-    """Shows the project's reference, and accepts another."""
-
-    def __init__(self, tab: Tab) -> None:
-        self._tab, self._board = tab, Board(tab)
-        self._file = FileInput(
-            tab,
-            "compare.reference",
-            self._take,
-            path=TextRow("File", _HINT),
-            more=(TextRow("Camera", _CAMERA_HINT), TextRow("Begins at frame", _FIRST_HINT)),
-            button="Compare with this",
-            missing="Type where the reference is: a file, or a folder with a truth.npz or fit.npz.",
-            upload=TextRow("Upload a reference", "The same, from this browser's computer"),
-        )
-
-    def draw(self) -> None:
-        """Update from the project's state."""
-        project = self._tab.session.project
-        self._board.show(paragraph("Reading …" if self._file.busy else _described(project.reference), "dim"))
-        forget = button(
-            "Remove the reference",
-            "compare.forget",
-            do=lambda: project.set_reference(None),
-            disabled=self._file.busy or project.read_only,
-        )
-        self._file.draw(*([] if project.reference is None else [forget]))
-
-    def _take(self, file: Path | viser.UploadedFile) -> None:
-        tab, session = self._tab, self._tab.session
-        camera = tab.files.path(self._file["Camera"]) if self._file["Camera"] else None
-        first, clip = frame_number("Begins at frame", self._file["Begins at frame"]), session.project.footage
-
-        def work(report: Step) -> Reference:
-            if isinstance(file, Path):
-                reference = read_reference(file, camera=camera, seen_by=clip.camera)
-            else:
-                reference = _uploaded(file, camera, clip.camera)
-            reference = reference if first is None else reference.starting_at(first, clip.frame_rate)
-            session.bodies.of_reference(reference)
-            report("Saving it", None)
-            session.project.set_reference(reference)
-            return reference
-
-        self._file.read("Reading the reference", work, self._tell, writes=True)  # a body's joints take seconds
-
-    def _tell(self, reference: Reference) -> None:
-        self._tab.session.tell(Notice(title="Reference set", text=_described(reference), kind="done"))
-
-
-def _uploaded(file: viser.UploadedFile, camera: Path | None, seen_by: Camera) -> Reference:
-    # The uploaded name never becomes part of a path; only its suffix counts.
-    shown = name_of_file(file.name)
-    ending = Path(shown.lower()).suffix
-    with kept_as(f"upload{ending if ending in POINT_FILES else '.npz'}", file.content, shown) as path:
-        return replace(read_reference(path, camera=camera, seen_by=seen_by), name=shown)
-
-
-def _described(reference: Reference | None) -> str:
-    if reference is None:
-        return _NONE
-    placed = "in the camera's space" if reference.in_camera else "in its own world: only pose is compared"
-    return "\n".join([f"{reference.name}: {reference.kind}, {len(reference)} frames, {placed}", *reference.notes])

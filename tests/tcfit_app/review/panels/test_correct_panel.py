@@ -100,16 +100,6 @@ def test_all_keypoints_are_those_on_show(tested: LonePage):
     assert page.tab.state.selection == tuple(np.flatnonzero(confidence[:3, :46].any(0))), "seen in any of the frames"
 
 
-def test_a_moved_keypoint_says_where_it_was(tested: LonePage):
-    page = tested.page
-    joint = int(np.flatnonzero(page.tab.session.project.detections.confidence[0] > 0)[0])
-    page.tab.set(selection=(joint,))
-    before = page.tab.session.project.corrected.xy[0, joint].copy()
-    tested.press("action", "nudge_right")
-    shown = tested.html()
-    assert "Corrected by you." in shown and f"detected at {before[0]:.1f}, {before[1]:.1f} px" in shown
-
-
 def test_selecting_by_name(tested: LonePage):
     tested.draw()
     tested.enter("Keypoint", "right wrist")

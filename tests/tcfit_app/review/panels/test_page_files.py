@@ -19,7 +19,6 @@ from tests.tcfit_app.hostile.paths import hostile_paths
 PRESSED = {
     "video": ("New location", "review.relink"),
     "result": ("Path", "import.path"),
-    "reference": ("File", "compare.reference"),
     "camera": ("Camera file", "fit.camera"),
     "keypoints": ("Path", "start.import"),
 }
@@ -41,7 +40,6 @@ def page(named: str, panel_server: viser.ViserServer, tmp_path: Path) -> Iterato
     else:
         opened = sample_project(folder, "a run")
     with opened as project, lone_page(panel_server, project) as made:
-        made.page.tab.set(mode="ab", folds=frozenset({"compare.reference"}))
         made.draw()
         yield made
 
@@ -111,14 +109,6 @@ def test_only_a_video_is_taken_for_one(page: LonePage, tmp_path: Path):
     assert found is not None and found.samefile(tmp_path / "walk.mp4")
 
 
-@pytest.mark.parametrize("named", ["reference"], indirect=True)
-def test_no_camera_of_a_reference_either(page: LonePage, tmp_path: Path):
-    page.page.tab.files = PageFiles(here=True, root=tmp_path / "new.tcfit")
-    page.field("Camera")._impl.value = "/etc/passwd"
-    (told,) = name(page, "reference", "detections.npz")
-    assert "does not lie in" in told
-
-
 @pytest.mark.parametrize("named", ["video"], indirect=True)
 @pytest.mark.parametrize("part", ["start", "shape"])
 def test_no_start_and_no_shape_by_their_paths(page: LonePage, part: str, tmp_path: Path):
@@ -158,7 +148,6 @@ def test_no_pose_prior_by_its_path(page: LonePage, tmp_path: Path):
             page.page.tab.do(lambda: page.press("fit.source"))
             (notice,) = page.notices
             assert "does not lie in" in notice.text or "Upload the file" in notice.text
-            page.enter("Pose prior", str(path))
             assert page.page.tab.state.settings.config == settings.config
     page.page.tab.files = PageFiles(here=True)
     page.page.tab.do(lambda: page.press("fit.source"))

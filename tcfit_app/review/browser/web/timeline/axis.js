@@ -7,7 +7,7 @@ import { strip } from "../elements.js";
 
 export const GUTTER = 178; // left of frame 0, for labels
 export const MARGIN = 14; // right of the last frame
-export const FEWEST = 12; // frames that are shown at the closest
+const FEWEST = 12; // frames that are shown at the closest
 
 export let axis = { first: 0, last: 1 }; // edges of frames: frame f covers f to f + 1
 

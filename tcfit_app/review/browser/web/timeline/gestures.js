@@ -6,16 +6,16 @@ import { clearRange, letGo, showChosen } from "../bars/bar.js";
 import { emit, emitLast, emitSoon, invalidate, states, watch } from "../connection.js";
 import { DRAG_THRESHOLD, leaveField, strip, stripCanvas } from "../elements.js";
 import {
-  FEWEST, GUTTER, MARGIN, axis, clipLength, edgeX, followCursor, frameAt, plotWidth, showAll, showFrames, shownCount,
+  GUTTER, MARGIN, axis, clipLength, edgeX, followCursor, frameAt, plotWidth, showAll, showFrames, shownCount,
   zoomAxis,
 } from "./axis.js";
 import { markAt } from "./lanes.js";
 import { fitBand, overview, ruler, within } from "./layout.js";
-import { bringWindowTo, grabbedAt, overviewEdge } from "./overview.js";
+import { bringWindowTo } from "./overview.js";
 import { chosenRange, cursorFrame, pointed } from "./pointed.js";
 
-/** "key" moves a keyframe, "view" the overview's window, "start" and "end" the ends of that.
- * @typedef {"seek" | "range" | "key" | "pan" | "view" | "start" | "end"} Kind
+/** "key" moves a keyframe, "view" the overview's window.
+ * @typedef {"seek" | "range" | "key" | "view"} Kind
  * @typedef {{ kind: Kind, pointer: number, x: number, start: number, anchor: number, grabbed: boolean,
  *   moved: boolean, mark: Mark | null }} StripGesture `grabbed`: an end of the selected frames, of which `anchor` is
  *   the other; `mark`: what was pressed */
@@ -42,23 +42,23 @@ function otherEnd(x, y) {
 }
 
 /** What a press of the left button begins.
- * @param {number} x @param {number} y @param {boolean} shift @returns {Kind} */
-function kindAt(x, y, shift) {
-  if (within(overview(), y)) return grabbedAt(x);
+ * @param {number} y @param {boolean} shift @returns {Kind} */
+function kindAt(y, shift) {
+  if (within(overview(), y)) return "view";
   return shift || within({ top: ruler.top, bottom: fitBand.bottom }, y) ? "range" : "seek";
 }
 
 /** @param {PointerEvent} event */
 function press(event) {
-  if (gesture || event.target !== stripCanvas || !states.timeline || event.button > 1) return;
+  if (gesture || event.target !== stripCanvas || !states.timeline || event.button !== 0) return;
   const { x, y } = placeOf(event);
   if (x < GUTTER - GRAB || x > GUTTER + plotWidth() + MARGIN) return;
   event.preventDefault();
   leaveField();
   stripCanvas.setPointerCapture(event.pointerId);
   const mark = markAt(x, y);
-  const at = kindAt(x, y, event.shiftKey);
-  const kind = event.button === 1 ? "pan" : at === "seek" && mark?.mark.key ? "key" : at;
+  const at = kindAt(y, event.shiftKey);
+  const kind = at === "seek" && mark?.mark.key ? "key" : at;
   const other = kind === "range" ? otherEnd(x, y) : null;
   const anchor = other ?? mark?.frame ?? frameAt(x);
   const grabbed = other !== null;
@@ -88,22 +88,9 @@ const MOVES = {
     pointed.key = moved ? frameAt(x) : null;
     invalidate("cursor");
   },
-  pan(panned, x) {
-    showFrames(axis.first - ((x - panned.x) / plotWidth()) * shownCount(), shownCount());
-    panned.x = x;
-  },
   view(moved, x) {
     showFrames(axis.first + ((x - moved.x) / plotWidth()) * clipLength(), shownCount());
     moved.x = x;
-  },
-  start({ moved }, x) {
-    const { last } = axis;
-    const first = Math.min(Math.max(overviewEdge(x), 0), last - FEWEST);
-    if (moved) showFrames(first, last - first);
-  },
-  end({ moved }, x) {
-    const last = Math.min(overviewEdge(x), clipLength());
-    if (moved) showFrames(axis.first, last - axis.first);
   },
 };
 
@@ -127,7 +114,7 @@ function move(event) {
 function cursorAt(x, y) {
   if (x < GUTTER - GRAB || x > GUTTER + plotWidth() + GRAB) return "default";
   if (otherEnd(x, y) !== null) return "ew-resize";
-  if (within(overview(), y)) return grabbedAt(x) === "view" ? "grab" : "ew-resize";
+  if (within(overview(), y)) return "grab";
   if (within({ top: ruler.top, bottom: fitBand.bottom }, y)) return "text"; // as where text is selected
   return markAt(x, y) ? "pointer" : "default";
 }

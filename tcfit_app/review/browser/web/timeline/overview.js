@@ -1,4 +1,4 @@
-// The bar of the whole clip below the lanes: what it looks like, and where it is grabbed.
+// The bar of the whole clip below the lanes.
 
 /** @import { Context } from "./paint.js" */
 
@@ -9,25 +9,12 @@ import { overview } from "./layout.js";
 import { fillBox } from "./paint.js";
 import { chosenRange, cursorFrame } from "./pointed.js";
 
-const GRAB = 6; // CSS pixels around an end of the window where it is grabbed
-
 /** An edge of a frame, in the overview. @param {number} edge */
 const overviewX = (edge) => GUTTER + (edge / clipLength()) * plotWidth();
-/** @param {number} x */
-export const overviewEdge = (x) => ((x - GUTTER) / plotWidth()) * clipLength();
-
-/** What is grabbed at a place: the window, which "view" moves, or one of its ends.
- * @param {number} x @returns {"view" | "start" | "end"} */
-export function grabbedAt(x) {
-  const [left, right] = [overviewX(axis.first), overviewX(axis.last)];
-  const grab = Math.min(GRAB, (right - left) / 3); // something of a short window is left to be moved
-  if (Math.abs(x - left) <= grab) return "start";
-  return Math.abs(x - right) <= grab ? "end" : "view";
-}
 
 /** Brings the window to a place beside it. @param {number} x */
 export function bringWindowTo(x) {
-  const edge = overviewEdge(x);
+  const edge = ((x - GUTTER) / plotWidth()) * clipLength();
   if (edge < axis.first || edge > axis.last) showFrames(edge - shownCount() / 2, shownCount());
 }
 
