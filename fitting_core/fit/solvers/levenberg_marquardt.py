@@ -10,14 +10,14 @@ from fitting_core.config.schema import SolverSettings
 from fitting_core.fit.solvers.problem import Problem
 from fitting_core.fit.solvers.solution import Progress, Solution
 from fitting_core.fit.variables.state import State
-from fitting_core.least_squares import Descent, Ending
+from fitting_core.least_squares import Ending
 
 if TYPE_CHECKING:
     from fitting_core.fit.fused.frames import Descents
 
 
 class LevenbergMarquardt:
-    """`least_squares.Descent` of all groups, or of the kernels if these know all terms."""
+    """`Problem.descent`, or the kernels' descents if these know all terms."""
 
     def __init__(self, settings: SolverSettings) -> None:
         self.settings, self.iterations = settings, settings.iterations
@@ -52,7 +52,7 @@ class LevenbergMarquardt:
         descents = problem.descents(start, iterations=self.iterations, tolerance=tolerance)
         if descents is not None:
             return (yield from self._collected(problem, start, descents))
-        run = Descent(problem, start, torch.arange(problem.groups, device=start.vector.device))
+        run = problem.descent(start)
         for iteration in range(self.iterations):
             if not len(run.active):
                 break

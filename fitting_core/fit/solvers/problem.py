@@ -12,7 +12,7 @@ from torch import Tensor
 from fitting_core.body.model import N_BETAS
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.variables.state import State
-from fitting_core.least_squares import LeastSquares, Step, damping_diagonal, dense_step
+from fitting_core.least_squares import Descent, LeastSquares, Step, damping_diagonal, dense_step
 
 if TYPE_CHECKING:
     from fitting_core.fit.fused.frames import Descents
@@ -32,6 +32,10 @@ class Problem(LeastSquares[State], Protocol):
 
     def descents(self, start: State, *, iterations: int, tolerance: float) -> "Iterator[Descents] | None":
         """Levenberg-Marquardt of every group by the kernels; None if these do not know all of it."""
+        ...
+
+    def descent(self, start: State) -> Descent[State]:
+        """Levenberg-Marquardt of all groups, step by step."""
         ...
 
     def spread(self, x: Float[Tensor, "g unknowns"]) -> Float[Tensor, "r total"]:
@@ -56,6 +60,10 @@ class OnFrames:
     def descents(self, start: State, *, iterations: int, tolerance: float) -> "Iterator[Descents] | None":
         """None: the kernels only descend single frames."""
         return None
+
+    def descent(self: "Problem", start: State) -> Descent[State]:
+        """One damping for each group."""
+        return Descent(self, start, torch.arange(self.groups, device=start.vector.device))
 
     def softened(self) -> Self | None:
         """The same problem on a gentler objective (see FrameObjective.softened); None if that is the same."""

@@ -9,7 +9,12 @@ from fitting_core.fit.solvers.banded import solve_block_banded
 from fitting_core.fit.solvers.problem import OnFrames, mean_costs
 from fitting_core.fit.terms.temporal import REACH, Smoothness, off_mean
 from fitting_core.fit.variables.state import State
-from fitting_core.least_squares import Step, damping_diagonal
+from fitting_core.least_squares import Descent, Step, damping_diagonal
+
+_SPOILS = 0.01
+"""Share of the predicted decrease of all frames: a frame that misses its own by more is damped more."""
+_STIFFEN, _SOFTEN, _STIFFEST = 10.0, 2.0, 1e8
+"""Factors of a frame's damping after a step that it spoiled and after any other, and the most it is multiplied by."""
 
 
 def span_of(free: range, frames: int, *, windowed: bool = False) -> range:
@@ -58,6 +63,20 @@ class _SmoothnessOf:
         """With these joints of the free frames, the others as they were."""
         return self._residuals(joints).square().sum()
 
+    def change(self, before: Float[Tensor, "n 165"], after: Float[Tensor, "n 165"]) -> Float[Tensor, "n"]:
+        """By how much the cost changes between two places of the free frames' joints, divided among them.
+
+        |r1|^2 - |r0|^2 = (r1 - r0).(r1 + r0) = (j1 - j0).L^T (r1 + r0), exactly.
+        """
+        return ((after - before) * self._by_joints(self._residuals(before) + self._residuals(after))).sum(1)
+
+    def _by_joints(self, residuals: Float[Tensor, "c 165"]) -> Float[Tensor, "n 165"]:
+        """L^T r: residual i is w/3 (-q[i] + 2 q[i+1] - q[i+2]), so it goes to these three frames by these factors."""
+        by_joints = torch.zeros_like(self.held)
+        for offset, factor in ((0, -1), (1, 2), (2, -1)):
+            by_joints[offset : offset + len(residuals)] += self.term.weight / 3 * factor * residuals
+        return by_joints[self.local]
+
     def add(self, joints: Tensor, rows: Float[Tensor, "n 165 d"], gradient: Tensor, bands: list[Tensor]) -> Tensor:
         """Adds its half gradient and half matrix, and returns its cost.
 
@@ -70,11 +89,7 @@ class _SmoothnessOf:
             bands: of the matrix.
         """
         residuals = self._residuals(joints)
-        # Residual i is w/3 (-q[i] + 2 q[i+1] - q[i+2]): L^T puts it back on these three frames with the same factors.
-        by_joints = torch.zeros_like(self.held)  # L^T r
-        for offset, factor in ((0, -1), (1, 2), (2, -1)):
-            by_joints[offset : offset + len(residuals)] += self.term.weight / 3 * factor * residuals
-        gradient += (rows.mT @ by_joints[self.local][..., None])[..., 0]
+        gradient += (rows.mT @ self._by_joints(residuals)[..., None])[..., 0]
         # Block (i + k, i) of the half matrix: factor x D_{i+k}^T D_i.
         for k, (band, factor) in enumerate(zip(bands, self.factors, strict=True)):
             band += factor * (rows[k:].mT @ rows[: len(band)])
@@ -107,6 +122,12 @@ class Sequence(OnFrames):
         self.unknowns = len(free) * len(objective.index)
         term, span = objective.smoothness, span_of(free, len(clip), windowed=windowed)
         self.smoothness = None if term is None else _SmoothnessOf(term, objective, clip, free, span)
+        self.stiffness = clip.vector.new_ones(len(free))
+        """By how many times more than the others a frame is damped."""
+
+    def descent(self, start: State) -> Descent[State]:
+        """Frames are also damped one by one."""
+        return _SequenceDescent(self, start)
 
     def rows(self, groups: Tensor) -> Tensor:
         """All free frames."""
@@ -118,10 +139,16 @@ class Sequence(OnFrames):
 
     def cost(self, state: State, groups: Tensor) -> Float[Tensor, "1"]:
         """E of the free frames."""
+        self.latest = self.evaluated(state)
+        own, joints = self.latest
+        return (own.sum() if self.smoothness is None else own.sum() + self.smoothness.cost(joints))[None]
+
+    def evaluated(self, state: State) -> tuple[Float[Tensor, "n"], Tensor]:
+        """E_o of the free frames and, if E_T counts, their joints (n, 165)."""
         if self.smoothness is None:
-            return self.objective.cost(state, self.frames).sum()[None]
-        own, joints = self.objective.cost_and_joints(self.smoothness.term.joints, state, self.frames)
-        return (own.sum() + self.smoothness.cost(joints))[None]
+            own = self.objective.cost(state, self.frames)
+            return own, own
+        return self.objective.cost_and_joints(self.smoothness.term.joints, state, self.frames)
 
     def terms(self, state: State) -> dict[str, float]:
         """Of E_o, and E_T."""
@@ -147,11 +174,39 @@ class Sequence(OnFrames):
         _, gradient, diagonal, *below = (a[0] for a in normal)
         # Each frame is damped by the mean of its own diagonal, in place: a copy of the blocks takes 50 kB a frame.
         own = diagonal.diagonal(dim1=1, dim2=2)
-        extra, undamped = damping_diagonal(own, damping.expand(len(diagonal))), own.clone()
+        extra, undamped = damping_diagonal(own, damping * self.stiffness), own.clone()
         own.add_(extra)
         solution = solve_block_banded([diagonal, *below], gradient)
         own.copy_(undamped)
         solved = torch.tensor([solution is not None], device=gradient.device)
         move = torch.zeros_like(gradient) if solution is None else -solution
-        predicted = -(gradient * move).sum() + (extra * move * move).sum()
-        return Step(self.objective.step(move), predicted[None], solved)
+        self.predicted = -(move * (gradient - extra * move)).sum(1)
+        """Decrease by frame. E(x + d) = E + 2 g.d + d^T H d, where H d = -g - D d."""
+        return Step(self.objective.step(move), self.predicted.sum()[None], solved)
+
+
+class _SequenceDescent(Descent[State]):
+    """Damps a frame more whose cost behaves otherwise than predicted.
+
+    With one damping for all, one frame in a bent valley keeps all others from moving: of 38 steps of 149 signing frames
+    12 were refused, for one or two frames each (evaluation/RESULTS/speed.md).
+    """
+
+    def __init__(self, problem: Sequence, start: State) -> None:
+        problem.stiffness = torch.ones_like(problem.stiffness)
+        super().__init__(problem, start, torch.zeros(1, dtype=torch.long, device=start.vector.device))
+        self.sequence, self.at = problem, problem.evaluated(start)
+
+    def _update_damping(self, groups: Tensor, better: Tensor, gain: Tensor) -> None:
+        problem = self.sequence
+        (before, placed), (after, moved) = self.at, problem.latest
+        change = after - before
+        if problem.smoothness is not None:
+            change = change + problem.smoothness.change(placed, moved)
+        spoils = change + problem.predicted > _SPOILS * problem.predicted.sum()
+        spoils &= problem.stiffness < _STIFFEST
+        problem.stiffness = torch.where(spoils, _STIFFEN * problem.stiffness, problem.stiffness / _SOFTEN).clamp_min(1)
+        if bool(better):
+            self.at = problem.latest
+        if bool(better) or not bool(spoils.any()):
+            super()._update_damping(groups, better, gain)

@@ -15,7 +15,7 @@ from fitting_core.fit.solvers.problem import IndependentFrames, Sample, SharedSh
 from fitting_core.fit.solvers.solution import Progress, Solution
 from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.variables.state import Free, State
-from fitting_core.least_squares import DIAGONAL_FLOOR, Step, damping_diagonal
+from fitting_core.least_squares import DIAGONAL_FLOOR, Descent, Step, damping_diagonal
 from tests.samples.scenes import finished, keypoints_of, listed, noisy, random_params, random_state, stages_of
 
 EXACT = SolverSettings(final_tolerance=1e-14, stage_tolerance=1e-14, iterations=300)
@@ -56,6 +56,9 @@ class Toy:
 
     def descents(self, start: State, *, iterations: int, tolerance: float) -> None:
         return None
+
+    def descent(self, start: State) -> Descent[State]:
+        return Descent(self, start, torch.arange(self.groups))
 
     def spread(self, x: Tensor) -> Tensor:
         return torch.cat([torch.zeros(len(x), 3, dtype=x.dtype), x], 1)

@@ -15,7 +15,7 @@ from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.solvers.sequence import Sequence, span_of
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.temporal import JointPositions, Smoothness, off_mean
-from fitting_core.fit.variables.state import Free
+from fitting_core.fit.variables.state import Free, State
 from fitting_core.least_squares import DIAGONAL_FLOOR
 from tests.fitting_core.fit.solvers.test_banded import dense
 from tests.samples.scenes import differentiated, hidden, keypoints_of, random_params, random_state, stages_of
@@ -166,6 +166,44 @@ def test_step_is_the_dense_one(tiny_body: BodyModel, case: str):
     # E(x) - E(x + m) of the quadratic model is -2 g m - m H m, and (H + D) m = -g
     promised = float(-2 * g @ expected - expected @ matrix @ expected)
     assert float(step.predicted) == pytest.approx(promised, rel=1e-6)
+
+
+@pytest.mark.parametrize("case", ["all frames", "inner window", "re-run inside"])
+def test_a_change_of_cost_is_divided_among_frames(tiny_body: BodyModel, case: str):
+    frames, free, windowed = CASES[case]
+    sequence = Scene(tiny_body, frames).sequence(free, windowed=windowed)
+    smoothness = sequence.smoothness
+    assert smoothness is not None
+    one, other = torch.randn(2, len(free), 165, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
+    expected = float(smoothness.cost(other) - smoothness.cost(one))
+    assert float(smoothness.change(one, other).sum()) == pytest.approx(expected, rel=1e-9)
+
+
+def test_one_bent_frame_does_not_hold_the_others(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
+    """While one frame's cost rises with every step, that frame is damped; the others then move as far as before."""
+    scene = Scene(tiny_body, 5, terms=True)
+    sequence = scene.sequence(range(5))
+    lowest = sequence.descent(scene.whole).run(40, 1e-9)
+    start = lowest.moved(1e-3 * torch.ones_like(scene.whole.vector))
+    descent = sequence.descent(start)
+    plain, bent, damping, cost = sequence.evaluated, 2, descent.damping.clone(), descent.cost.clone()
+
+    def as_if_bent(state: State) -> tuple[Tensor, Tensor]:
+        own, joints = plain(state)
+        own[bent] += 1e3 * float(cost)
+        return own, joints
+
+    monkeypatch.setattr(sequence, "evaluated", as_if_bent)
+    descent.iterate(1e-9)
+    assert descent.cost == cost
+    assert sequence.stiffness.tolist() == [1, 1, 10, 1, 1]
+    assert descent.damping == damping
+    monkeypatch.undo()
+    descent.iterate(1e-9)
+    assert descent.cost < cost
+    moved = (descent.state.vector - start.vector).norm(dim=1)
+    assert bool((moved > 0).all())
+    assert sequence.stiffness.tolist() == [1, 1, 5, 1, 1]
 
 
 def written_out(span: range) -> Tensor:
