@@ -4,8 +4,8 @@ An edit records the action, not its outcome, so it is small and readable in the 
 keypoints before it.
 """
 
-from collections.abc import Iterable, Sequence
-from typing import get_args
+from collections.abc import Sequence
+from typing import Annotated, get_args
 
 import msgspec
 import numpy as np
@@ -40,9 +40,16 @@ _MAX_POSITION = 1e6
 """Pixels, as for detections."""
 MAX_DEPTH = 3.0
 """Metres from the pelvis: no arm or leg is longer."""
-
-_MAX_TURN = 7.0
-"""Radians: slightly more than a full turn."""
+_Pixels = Annotated[float, msgspec.Meta(ge=-_MAX_POSITION, le=_MAX_POSITION)]
+_Point = tuple[_Pixels, _Pixels]
+_Confidence = Annotated[float, msgspec.Meta(ge=0, le=1)]
+_Depth = Annotated[float, msgspec.Meta(ge=-MAX_DEPTH, le=MAX_DEPTH)]
+_Angle = Annotated[float, msgspec.Meta(ge=-7, le=7)]
+"""Radians: up to slightly more than a full turn."""
+Turn = tuple[_Angle, _Angle, _Angle]
+"""Axis-angle in radians."""
+Shape = Annotated[tuple[Turn, ...], msgspec.Meta(min_length=15, max_length=15)]
+"""Turns of a hand's finger joints."""
 
 _HAND = LEFT_HAND.stop - LEFT_HAND.start
 _OTHER_SIDE = {"left": "right", "right": "left"}
@@ -98,34 +105,25 @@ class _Edit(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 class MoveKeypoint(_Edit, frozen=True, tag="move"):
     """Move keypoints to given positions. A keypoint marked bad is restored."""
 
-    xy: tuple[tuple[tuple[float, float], ...], ...]
+    xy: tuple[tuple[_Point, ...], ...]
     """Pixels, for each of `frames` and each of `joints`."""
-    confidence: float = 1.0
+    confidence: _Confidence = 1.0
 
     def change(self, here: Corrected, now: Corrected) -> None:
         _place(here, np.array(self.xy, dtype=float), self.confidence)
 
     def problem(self, length: int) -> str:
-        if len(self.xy) != len(self.frames) or any(len(row) != len(self.joints) for row in self.xy):
-            return (
-                f"xy does not have one position for each of {len(self.frames)} frames and {len(self.joints)} keypoints"
-            )
-        positions = (value for row in self.xy for point in row for value in point)
-        return _position_problem(positions) or _confidence_problem(self.confidence)
+        return _count_problem("position", self.xy, self.joints, self.frames)
 
 
 class Nudge(_Edit, frozen=True, tag="nudge"):
     """Move keypoints slightly; missing ones and those marked bad stay."""
 
-    by: tuple[float, float]
+    by: _Point
     """Pixels, x right, y down."""
 
     def change(self, here: Corrected, now: Corrected) -> None:
         _place(here, here.xy + np.array(self.by), 1.0, where=here.present)
-
-    def problem(self, length: int) -> str:
-        near = all(abs(value) <= _MAX_POSITION for value in self.by)
-        return "" if near else f"the distance is not a number between -{_MAX_POSITION:g} and {_MAX_POSITION:g} pixels"
 
 
 class MarkBad(_Edit, frozen=True, tag="mark_bad"):
@@ -221,27 +219,24 @@ class SetConfidence(_Edit, frozen=True, tag="set_confidence"):
     """Set confidence without moving; made by earlier versions only. A bad keypoint is restored; a missing one stays
     missing."""
 
-    confidence: float
+    confidence: _Confidence
 
     def change(self, here: Corrected, now: Corrected) -> None:
         there = here.confidence > 0
         here.confidence[there], here.bad[there], here.edited[there] = self.confidence, False, True
 
-    def problem(self, length: int) -> str:
-        return _confidence_problem(self.confidence)
-
 
 class SetDepth(_Edit, frozen=True, tag="depth"):
     """Set the depth of body keypoints, without moving them in the image. Bad ones stay bad."""
 
-    depth: tuple[tuple[float, ...], ...]
+    depth: tuple[tuple[_Depth, ...], ...]
     """Metres behind the pelvis along the camera's z, for each of `frames` and each of `joints`."""
 
     def change(self, here: Corrected, now: Corrected) -> None:
         here.depth[:], here.pinned[:] = self.depth, False
 
     def problem(self, length: int) -> str:
-        return _depths_problem(self.depth, self.frames, self.joints) or _depth_problem(self.joints)
+        return _count_problem("depth", self.depth, self.joints, self.frames) or _depth_problem(self.joints)
 
 
 class ClearDepth(_Edit, frozen=True, tag="clear_depth"):
@@ -257,9 +252,9 @@ class ClearDepth(_Edit, frozen=True, tag="clear_depth"):
 class Pin(_Edit, frozen=True, tag="pin"):
     """Pin body keypoints to one place in space in all of `frames`. Bad ones are restored."""
 
-    xy: tuple[tuple[float, float], ...]
+    xy: tuple[_Point, ...]
     """Pixels, for each of `joints`; the camera does not move."""
-    depth: tuple[tuple[float, ...], ...]
+    depth: tuple[tuple[_Depth, ...], ...]
     """As in `SetDepth`: per frame, because the pelvis moves."""
 
     def change(self, here: Corrected, now: Corrected) -> None:
@@ -268,11 +263,9 @@ class Pin(_Edit, frozen=True, tag="pin"):
         here.pinned[:] = True
 
     def problem(self, length: int) -> str:
-        if len(self.xy) != len(self.joints):
-            return f"xy does not have one position for each of {len(self.joints)} keypoints"
         return (
-            _position_problem(value for point in self.xy for value in point)
-            or _depths_problem(self.depth, self.frames, self.joints)
+            _count_problem("position", [self.xy], self.joints)
+            or _count_problem("depth", self.depth, self.joints, self.frames)
             or _depth_problem(self.joints)
         )
 
@@ -292,7 +285,7 @@ class Keep(_OfOffset, frozen=True, tag="keep"):
 
     at: tuple[int, ...]
     """The frames in which they are stated."""
-    depth: tuple[tuple[float | None, ...], ...]
+    depth: tuple[tuple[_Depth | None, ...], ...]
     """As in `SetDepth`, for each of `at` and each of `joints`; None: not stated."""
 
     @property
@@ -308,9 +301,9 @@ class Keep(_OfOffset, frozen=True, tag="keep"):
         )
 
     def problem(self, length: int) -> str:
-        rows = [[0.0 if z is None else z for z in row] for row in self.depth]
         problem = _choice_problem(self.at, length, "the clip has no others", "frame")
-        if problem := problem or _depths_problem(rows, self.at, self.joints) or super().problem(length):
+        counted = _count_problem("depth", self.depth, self.joints, self.at)
+        if problem := problem or counted or super().problem(length):
             return problem
         unknown = [NAMES[one.keypoint] for one in self.kept if not one.depths]
         return f"no depth of {unknown[0]} is stated" if unknown else ""
@@ -323,16 +316,14 @@ class Release(_OfOffset, frozen=True, tag="release"):
 class Lock(_Edit, frozen=True, tag="lock"):
     """Lock the rotation of body joints relative to their parents in all of `frames`; keypoints stay as they are."""
 
-    turn: tuple[tuple[float, float, float], ...]
-    """Axis-angle in radians, for each of `joints` (see LOCKABLE)."""
+    turn: tuple[Turn, ...]
+    """For each of `joints` (see LOCKABLE)."""
 
     def change(self, here: Corrected, now: Corrected) -> None:
         here.turn[:] = self.turn
 
     def problem(self, length: int) -> str:
-        if len(self.turn) != len(self.joints):
-            return f"turn does not have one rotation for each of {len(self.joints)} keypoints"
-        return _turns_problem(self.turn) or _lock_problem(self.joints)
+        return _count_problem("rotation", [self.turn], self.joints) or _lock_problem(self.joints)
 
 
 class Unlock(_Edit, frozen=True, tag="unlock"):
@@ -343,10 +334,6 @@ class Unlock(_Edit, frozen=True, tag="unlock"):
 
     def problem(self, length: int) -> str:
         return _lock_problem(self.joints)
-
-
-Shape = tuple[tuple[float, float, float], ...]
-"""Axis-angle in radians of a hand's 15 finger joints."""
 
 
 class ShapeHand(_Edit, frozen=True, tag="shape_hand"):
@@ -383,16 +370,13 @@ class ShapeHand(_Edit, frozen=True, tag="shape_hand"):
             return "its keypoints are not the finger joints of one hand"
         if self.frames != tuple(range(self.frames[0], self.frames[-1] + 1)):
             return "its frames are not consecutive"
-        shapes = [shape for shape in (self.shape, self.before, self.after) if shape is not None]
-        if any(len(shape) != len(self.joints) for shape in shapes):
-            return f"a shape does not have one rotation for each of {len(self.joints)} finger joints"
         if min(self.blend) < 0 or sum(self.blend) >= len(self.frames):
             return "as many frames lead to or from the shape as there are, or a negative number"
         inside = self.frames[0] > 0, self.frames[-1] + 1 < length
         ends = zip(self.blend, (self.before, self.after), inside, strict=True)
         if any(count and (self.shape is None or seen is None or not there) for count, seen, there in ends):
             return "frames lead to or from the shape where nothing says what the hand is before or after"
-        return _turns_problem(turn for shape in shapes for turn in shape)
+        return ""
 
 
 class TakeOver(_Edit, frozen=True, tag="take_over"):
@@ -479,7 +463,7 @@ class PlaceKey(_KeyEdit, frozen=True, tag="key"):
     detected or marked bad are interpolated linearly.
     """
 
-    xy: tuple[tuple[float, float], ...]
+    xy: tuple[_Point, ...]
     """Pixels in the frame `at`, for each of `joints`."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
@@ -487,9 +471,7 @@ class PlaceKey(_KeyEdit, frozen=True, tag="key"):
         return keyed(now, detections, self._span, self.joints, placed=self.at, xy=xy)
 
     def problem(self, length: int) -> str:
-        if len(self.xy) != len(self.joints):
-            return f"xy does not have one position for each of {len(self.joints)} keypoints"
-        return _position_problem(value for point in self.xy for value in point) or super().problem(length)
+        return _count_problem("position", [self.xy], self.joints) or super().problem(length)
 
 
 class RemoveKey(_KeyEdit, frozen=True, tag="remove_key"):
@@ -677,39 +659,26 @@ def _choice_problem(chosen: tuple[int, ...], count: int, existing: str, noun: st
     return f"it names a {noun} twice"
 
 
-def _position_problem(values: Iterable[float]) -> str:
-    near = all(abs(value) <= _MAX_POSITION for value in values)
-    return "" if near else f"a position is not a number between -{_MAX_POSITION:g} and {_MAX_POSITION:g} pixels"
-
-
 def _points_problem(points: Float[np.ndarray, "F K n"]) -> str:
     """For x, y and confidence."""
     if not (points[..., 2] >= 0).all() or not (points[..., 2] <= 1).all():
         return "a confidence is not a number from 0 to 1"
-    return _position_problem([float(np.abs(points[..., :2]).max())])
+    near = (np.abs(points[..., :2]) <= _MAX_POSITION).all()
+    return "" if near else f"a position is not a number between -{_MAX_POSITION:g} and {_MAX_POSITION:g} pixels"
 
 
-def _confidence_problem(confidence: float) -> str:
-    return "" if 0 <= confidence <= 1 else f"the confidence is {confidence:g}; expected 0 to 1"
-
-
-def _depths_problem(depth: Sequence[Sequence[float]], frames: Sequence[int], joints: Sequence[int]) -> str:
-    if len(depth) != len(frames) or any(len(row) != len(joints) for row in depth):
-        return f"depth does not have one value for each of {len(frames)} frames and {len(joints)} keypoints"
-    if not all(abs(value) <= MAX_DEPTH for row in depth for value in row):
-        return f"a depth is not a number between -{MAX_DEPTH:g} and {MAX_DEPTH:g} m from the pelvis"
-    return ""
+def _count_problem(
+    noun: str, rows: Sequence[Sequence[object]], joints: Sequence[int], frames: Sequence[int] = (0,)
+) -> str:
+    """For values of each keypoint in each of some frames."""
+    if len(rows) == len(frames) and all(len(row) == len(joints) for row in rows):
+        return ""
+    return f"it does not have one {noun} for each of {len(joints)} keypoints in {len(frames)} frames"
 
 
 def _depth_problem(joints: tuple[int, ...]) -> str:
     others = [NAMES[j] for j in joints if j >= len(BODY_25)]
     return f"{others[0]} is not a body keypoint, and only those have a depth" if others else ""
-
-
-def _turns_problem(turns: Iterable[tuple[float, float, float]]) -> str:
-    if all(abs(value) <= _MAX_TURN for turn in turns for value in turn):
-        return ""
-    return f"a rotation has a number that is not between -{_MAX_TURN:g} and {_MAX_TURN:g} radians"
 
 
 def _lock_problem(joints: tuple[int, ...]) -> str:
