@@ -26,7 +26,6 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig, without_collisions
-from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent
 from fitting_core.fit.evidence.sides import unswapped_keypoint
 from fitting_core.fit.fitting import Refit, rerun_events
@@ -76,25 +75,6 @@ class Correction:
     """Id of the last log entry included in `clip`, for storing the correction."""
     renewed: "Callable[[], Correction] | None" = None
     """The same with the result and keypoints current when called: other corrections may come in between."""
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.frame < len(self.clip):
-            first = self.clip.first_frame
-            raise InputError(
-                f"Frame {first + self.frame} cannot be corrected: the clip has frames {first} to "
-                f"{first + len(self.clip) - 1}."
-            )
-        wrong = [k for k in self.keypoints if not 0 <= k < kp.COUNT]
-        if wrong or not self.keypoints or len(set(self.keypoints)) < len(self.keypoints):
-            raise InputError(
-                f"Keypoints {self.keypoints} cannot be moved: expected distinct numbers from 0 to {kp.COUNT - 1}."
-            )
-        if self.in_depth and (other := [k for k in self.keypoints if k >= kp.BODY.stop]):
-            raise InputError(f"Keypoints {other} cannot be dragged in depth: only body keypoints can.")
-        if len(self.params) != len(self.clip):
-            raise InputError(
-                f"The result has {len(self.params)} frames, but the clip has {len(self.clip)}: fit this clip first."
-            )
 
     @property
     def frames(self) -> range:

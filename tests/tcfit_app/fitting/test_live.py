@@ -15,8 +15,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.clip import Clip
-from fitting_core.config.schema import PRESETS, FitConfig, SolverSettings, Temporal
-from fitting_core.errors import InputError
+from fitting_core.config.schema import PRESETS, SolverSettings
 from fitting_core.fit.fitting import fit_clip, rerun_events
 from tcfit_app.fitting.live import Correction, LiveCorrection
 from tests.samples.posed_clips import clip_of, motion, shipped_body
@@ -218,21 +217,3 @@ def test_a_drag_in_depth_finds_swapped_sides(swapped: Clip, body: BodyModel, par
     live.move(start + 0.15)
     settle(live)
     assert depth(body, live.params) - start == pytest.approx(0.15, abs=0.04)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ({"frame": FRAMES}, "frames 0 to 8"),
-        ({"frame": -1}, "frames 0 to 8"),
-        ({"keypoints": ()}, "0 to 136"),
-        ({"keypoints": (3, 3)}, "0 to 136"),
-        ({"keypoints": (137,)}, "0 to 136"),
-        ({"keypoints": (0, 30), "in_depth": True}, "cannot be dragged in depth"),
-        ({"params": BodyParams.neutral(3)}, "3 frames"),
-    ],
-)
-def test_what_cannot_be_corrected_is_refused(clip: Clip, body: BodyModel, params: BodyParams, wrong, said: str):
-    good = {"clip": clip, "body": body, "config": FitConfig(temporal=Temporal()), "params": params, "frame": 0}
-    with pytest.raises(InputError, match=said):
-        Correction(**good | {"keypoints": (0,)} | wrong)
