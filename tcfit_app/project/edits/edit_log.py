@@ -338,13 +338,12 @@ class EditHistory:
 
     def check(self, action: LogAction) -> None:
         """Raise InputError if this cannot be the next action."""
-        if isinstance(action, WriteNotes):
+        if isinstance(action, WriteNote | WriteNotes):
             return self._check_notes(action)
-        if isinstance(action, Remark):
-            self._check_frames(action.frames)
-            if isinstance(action, MarkFrames) and len(action.limbs) not in (0, len(action.frames)):
+        if isinstance(action, MarkFrames):
+            if len(action.limbs) not in (0, len(action.frames)):
                 raise InputError(f"A mark names the limbs of {len(action.limbs)} of {len(action.frames)} frames.")
-            return self._check_note(action) if isinstance(action, WriteNote) else None
+            return self._check_frames(action.frames)
         if not isinstance(action, Undo | Redo):
             check(action, len(self._now.xy), self._first_frame)
             return self._check_view(action) if isinstance(action, RemoveView | EditView) else None
@@ -352,7 +351,7 @@ class EditHistory:
         if expected is None or expected.id != action.edit:
             now = f"edit {expected.id} is" if expected else "nothing is"
             raise InputError(
-                f"Edit {action.edit} cannot be {verb} now; {now} next. ReviewedPerson else may have edited meanwhile."
+                f"Edit {action.edit} cannot be {verb} now; {now} next. Someone else may have edited meanwhile."
             )
 
     def _check_view(self, edit: RemoveView | EditView) -> None:
@@ -370,30 +369,21 @@ class EditHistory:
         if outside := [frame for frame in frames if not 0 <= frame < length]:
             raise InputError(f"There is no frame {first + outside[0]}; {clip_has(length, first)}.")
 
-    def _check_note(self, note: WriteNote) -> None:
-        self._check_text(note.text, note.replaces, {known.id for known in self.notes})
-        if not note.frames or tuple(range(note.frames[0], note.frames[-1] + 1)) != note.frames:
-            raise InputError("A note must be on one frame or on consecutive frames.")
-
-    def _check_notes(self, written: WriteNotes) -> None:
-        if not written.notes:
-            raise InputError("There are no notes to save.")
+    def _check_notes(self, written: WriteNote | WriteNotes) -> None:
         there = {known.id for known in self.notes}
-        for note in written.notes:
-            self._check_frames((note.first, note.last))
-            self._check_text(note.text, note.replaces, there)
-            there.discard(note.replaces)
-            if note.last < note.first:
+        if not (notes := _texts(written)):
+            raise InputError("There are no notes to save.")
+        for frames, text, replaces in notes:
+            self._check_frames((*frames[:1], *frames[-1:]))
+            if not frames or (isinstance(written, WriteNote) and tuple(frames) != written.frames):
                 raise InputError("A note must be on one frame or on consecutive frames.")
-
-    @staticmethod
-    def _check_text(text: str, replaces: int | None, there: set[int]) -> None:
-        if replaces is not None and replaces not in there:
-            raise InputError("This note no longer exists: someone has changed or deleted it.")
-        if replaces is None and not text:
-            raise InputError("The note is empty. Type what it says first.")
-        if len(text) > NOTE_CHARACTERS:
-            raise InputError(f"The note has {len(text):,} characters; expected {NOTE_CHARACTERS:,} at most.")
+            if replaces is not None and replaces not in there:
+                raise InputError("This note no longer exists: someone has changed or deleted it.")
+            if replaces is None and not text:
+                raise InputError("The note is empty. Type what it says first.")
+            if len(text) > NOTE_CHARACTERS:
+                raise InputError(f"The note has {len(text):,} characters; expected {NOTE_CHARACTERS:,} at most.")
+            there.discard(replaces)
 
     def add(self, entry: LogEntry) -> None:
         """Add the next entry, whose action has passed `check`."""
@@ -487,7 +477,8 @@ def note_id(entry: int, place: int) -> int:
 def _texts(action: LogAction) -> list[tuple[range, str, int | None]]:
     """The frames and text of each note, and the note it replaces."""
     if isinstance(action, WriteNote):
-        return [(range(action.frames[0], action.frames[-1] + 1), action.text, action.replaces)]
+        first, last = (action.frames[0], action.frames[-1]) if action.frames else (0, -1)
+        return [(range(first, last + 1), action.text, action.replaces)]
     assert isinstance(action, WriteNotes)
     return [(range(note.first, note.last + 1), note.text, note.replaces) for note in action.notes]
 
