@@ -1,10 +1,10 @@
-"""`tcfit fit`: read a clip, fit it, write the result; with --people all, one for each person, and all in one file."""
+"""`tcfit fit`: read a clip, fit it, write the result; with --people all, one for each person."""
 
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from fitting_core.files.atomic import sweep
 from fitting_core.fit.events import Finished, FitEvent, PhaseFinished
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused import ready
-from fitting_core.io.motion_files import motion_of
 from fitting_core.io.people_file import PEOPLE_NAME, holds_people, read_people_file, write_people_file
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, RESULT_NAMES, SUMMARY_NAME, is_result, write_result
 from fitting_core.keypoints import ERROR_GROUPS
@@ -27,7 +26,6 @@ from fitting_core.results.fit_result import FitResult
 from fitting_core.results.given_start import GivenStart, KnownShape
 from tcfit_app.cli.json_lines import Note, Step, StepDone, emit, emit_figures, emit_wrote, share_reporter
 from tcfit_app.cli.progress import DetectionShown, ProgressShown
-from tcfit_app.exports.motions import write_together
 from tcfit_app.exports.pictures import write_comparison
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.jobs import warm_up
@@ -37,16 +35,7 @@ from tcfit_app.options.fit import FitOptions, StartOptions, fit_config
 from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver
 
 
-@dataclass(frozen=True, kw_only=True)
-class Outcome:
-    """A finished fit."""
-
-    fit: FitResult
-    body: BodyModel
-    summary: dict[str, Any]
-
-
-def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
+def run_fit(options: FitOptions, *, command: str = "") -> None:
     """Fit, write the result, and print its folder.
 
     Raises:
@@ -63,7 +52,7 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
         clip = with_views(clip_of(options, tell_progress), options, tell_progress)
     start = start_of(options.begin, clip, body, Bodies(options.body.models))
     compile_kernels(config)
-    return fit_into(options.out, clip, body, config, options, start=start, shape=shape, command=command)
+    fit_into(options.out, clip, body, config, options, start=start, shape=shape, command=command)
 
 
 def prepared_body(options: FitOptions, config: FitConfig) -> BodyModel:
@@ -93,7 +82,7 @@ def fit_into(
     shape: KnownShape | None = None,
     command: str = "",
     begins: Callable[[], None] = lambda: None,
-) -> Outcome:
+) -> None:
     """Fit a clip, write the result into a folder, and print the folder and the main figures.
 
     Args:
@@ -115,7 +104,6 @@ def fit_into(
         written.append(OVERLAY_NAME)
     _emit_result(folder, clip, fit, summary, written)
     print(printable("\n".join([*report(summary), f"Wrote {', '.join(written)} into {folder}"])))
-    return Outcome(fit=fit, body=body, summary=summary)
 
 
 def _fit_and_write(
@@ -209,11 +197,8 @@ def tell(lines: Iterable[str]) -> None:
 
 # --- --people all ---
 
-GLB_NAME = "people.glb"
-"""All people in one world."""
 
-
-def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
+def run_fit_people(options: FitOptions, *, command: str = "") -> None:
     """Fit all people, write their results, and print their folders.
 
     Raises:
@@ -229,8 +214,8 @@ def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
         everybody = all_people_of(options, tell_progress)
     people, starts = _started(options, everybody, body)
     compile_kernels(config)
-    outcomes: list[Outcome] = []
     listed: list[PersonInClip] = []
+    fitted = 0
 
     def list_one(one: PersonInClip) -> None:
         """Before each gets a result, so that a killed process leaves a folder of several people; until the first does,
@@ -244,16 +229,16 @@ def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
         for one, start in zip(people, starts, strict=True):
             tell([f"{one.about.name.capitalize()} of {len(people)}"])
             folder, begins = options.out / one.about.folder, partial(list_one, one)
-            fitted = fit_into(folder, one.clip, body, config, options, start=start, command=command, begins=begins)
-            outcomes.append(fitted)
+            fit_into(folder, one.clip, body, config, options, start=start, command=command, begins=begins)
+            fitted += 1
     except BaseException:
         if listed and not is_result(options.out / listed[-1].about.folder):
             with suppress(InputError):  # the reason is reported; people without a folder are skipped
                 _list(options.out, listed[:-1])
-        tell([f"{len(outcomes)} of {len(people)} people are fitted."])
+        tell([f"{fitted} of {len(people)} people are fitted."])
         raise
-    _write_together(options.out, people, outcomes)
-    return outcomes
+    emit_wrote(options.out / PEOPLE_NAME)
+    print(printable(f"Wrote {PEOPLE_NAME} into {options.out}: {len(people)} people"))
 
 
 def _refuse_options_of_one(options: FitOptions) -> None:
@@ -274,7 +259,7 @@ def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:
     if overwrite or not folder.is_dir():
         check_out(folder, overwrite=overwrite)
         return old
-    known = {folder / PEOPLE_NAME, folder / GLB_NAME, *old} if old else set()
+    known = {folder / PEOPLE_NAME, *old} if old else set()
     others = [path for path in sorted(folder.iterdir()) if path not in known]
     others += [path for one in old if one.is_dir() for path in sorted(one.iterdir()) if path.name not in RESULT_NAMES]
     if others:
@@ -290,7 +275,7 @@ def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:
 def _remove(folder: Path, old: Sequence[Path]) -> None:
     """Delete an earlier fit of several people, so that the next fit has no person of it."""
     try:
-        for path in (folder / PEOPLE_NAME, folder / GLB_NAME, *(one / name for one in old for name in RESULT_NAMES)):
+        for path in (folder / PEOPLE_NAME, *(one / name for one in old for name in RESULT_NAMES)):
             path.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{error.filename}: cannot be replaced ({error.strerror}). Choose another --out.") from error
@@ -334,18 +319,3 @@ def _list(folder: Path, people: Sequence[PersonInClip]) -> None:
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror}). Choose another --out.") from error
     write_people_file(folder, people_of(people))
-
-
-def _write_together(folder: Path, people: Sequence[PersonInClip], outcomes: Sequence[Outcome]) -> None:
-    """Write all people into one file, and report it."""
-    motions = [
-        replace(motion_of(outcome.fit, one.clip, outcome.body), name=one.about.name)
-        for one, outcome in zip(people, outcomes, strict=True)
-    ]
-    path = folder / GLB_NAME
-    try:
-        note = write_together(path, motions, [one.fit.grounding for one in outcomes], name=people[0].name)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error}). Free space.") from error
-    emit_wrote(folder / PEOPLE_NAME, path)
-    print(printable(f"Wrote {PEOPLE_NAME} and {GLB_NAME} into {folder}: {note}"))

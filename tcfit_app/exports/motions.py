@@ -10,7 +10,6 @@ from fitting_core.body.markers.joint_centres import CENTRES
 from fitting_core.body.markers.marker_set import MarkerSet, marker_places
 from fitting_core.body.model import JOINTS
 from fitting_core.errors import InputError
-from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.level import best_grounding, level_of
 from fitting_core.io.motion.bvh import write_bvh
 from fitting_core.io.motion.mesh_sequence import FACTS_NAME, file_stem
@@ -33,34 +32,20 @@ def write_character(source: ExportSource, path: Path, progress: Progress) -> Non
 
 
 def write_all_people(sources: Sequence[ExportSource], path: Path, progress: Progress, *, name: str) -> str:
-    """The characters of a clip's people, whose frames are numbered in one video, in one GLB; see `write_together`.
-
-    Raises:
-        InputError: A person has no fit.
-        OSError: It cannot be written; no file is left.
-    """
-    motions = [replace(replace(source, axes=None).motion("camera"), name=source.name) for source in sources]
-    return write_together(path, motions, [source.grounding for source in sources], name=name, progress=progress)
-
-
-def write_together(
-    path: Path,
-    motions: Sequence[Motion],
-    groundings: Sequence[Grounding | None],
-    *,
-    name: str,
-    progress: Progress = lambda share: None,
-) -> str:
-    """Write motions of people in camera space, with their names, into one GLB, all on the floor that is seen best.
+    """Write the characters of a clip's people, whose frames are numbered in one video, into one GLB, all on the floor
+    that is seen best.
 
     Returns:
         Their number, and whose floor was used.
 
     Raises:
+        InputError: A person has no fit.
         OSError: It cannot be written; no file is left.
     """
     from fitting_core.io.motion.glb import write_people_glb  # here: pygltflib would take 0.4 s of every start
 
+    motions = [replace(replace(source, axes=None).motion("camera"), name=source.name) for source in sources]
+    groundings = [source.grounding for source in sources]
     best = best_grounding(groundings)
     floor = None if best is None else groundings[best]
     standing = [replace(motion, level=level_of(floor, motion.camera.world)) for motion in motions]

@@ -70,7 +70,7 @@ def fitted(clip: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_each_has_a_result_from_left_to_right(fitted: Path):
-    assert sorted(path.name for path in fitted.iterdir()) == ["people.glb", "people.json", "person-1", "person-2"]
+    assert sorted(path.name for path in fitted.iterdir()) == ["people.json", "person-1", "person-2"]
     listed = read_people_file(fitted)
     assert listed.name == "talk" and [one.folder for one in listed.people] == ["person-1", "person-2"]
     assert [one.frames for one in listed.people] == [(0, FRAMES - 2), (0, FRAMES - 1)]
@@ -83,11 +83,12 @@ def test_each_has_a_result_from_left_to_right(fitted: Path):
     assert any("Person 1 of 2, in frames 0 to 4." in warning for warning in summary["warnings"])
 
 
-def test_all_are_in_one_world(fitted: Path):
-    """As far apart in people.glb as their fits are in camera space: one turn for both, and one floor."""
-    player = Player.of(fitted / "people.glb")
+def test_all_are_exported_into_one_world(fitted: Path, tmp_path: Path):
+    """As far apart as their fits are in camera space: one turn for both, and one floor."""
+    assert main(["export", str(fitted), "--out", str(tmp_path), "--formats", "glb"]) == 0
+    player = Player.of(tmp_path / "talk.glb")
     document = player.document
-    assert [one["name"] for one in document.asset.extras["people"]] == ["person 1", "person 2"]
+    assert [one["name"] for one in document.asset.extras["people"]] == ["talk person 1", "talk person 2"]
     roots = [player.matrices(0.0)[skin.joints[0], :3, 3] for skin in document.skins]
     fits = [read_fit(fitted / folder) for folder in ("person-1", "person-2")]
     apart = np.linalg.norm(fits[0].joints[0, 0] - fits[1].joints[0, 0])
@@ -126,7 +127,7 @@ def test_a_next_fit_takes_the_last_one_s_place(fitted: Path, clip: list[str], tm
     # Of the last frames too few are left for the left one.
     again = ["fit", *clip, "--people", "all", "--first-frame", "1", "--out", str(folder), "--no-overlay", *QUICK]
     assert main([*again, "--set", "last_phase=1"]) == 0
-    assert sorted(path.name for path in folder.iterdir()) == ["people.glb", "people.json", "person-1"]
+    assert sorted(path.name for path in folder.iterdir()) == ["people.json", "person-1"]
     assert [one.frames for one in read_people_file(folder).people] == [(1, FRAMES - 1)]
 
 
