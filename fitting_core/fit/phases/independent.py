@@ -17,7 +17,6 @@ from fitting_core.fit.phases.initialize import (
     half_turned,
     seen_from_side,
     starting_state,
-    thighs_foreshortened,
 )
 from fitting_core.fit.phases.limb_flips import LimbFlips
 from fitting_core.fit.phases.progress import PhaseStep, mirrored_label, reported, stage_label
@@ -36,7 +35,7 @@ _AT_ONCE = 16
 5.8 s of CPU time with 16, 32, 64 or all at once, the first bodies after 0.4, 0.6, 0.7 and 0.7 s."""
 _MOST_HELD = 1024
 """Frames whose last objective is in memory at once, 45 kB each. Creating it takes 4 ms, and 65 us a frame."""
-_FIRST, _SEATED, _FLIPPED, _KEYS_SETTLED, _ALL_FITTED, _SETTLED = 0.2, 0.22, 0.55, 0.63, 0.7, 0.9
+_FIRST, _FLIPPED, _KEYS_SETTLED, _ALL_FITTED, _SETTLED = 0.2, 0.55, 0.63, 0.7, 0.9
 """Progress of the phase after the first fits, the sitting pose, the mirrored limbs, the relay among key frames, the
 frames between these, and the relay among all frames. Processor time of the demo clip, preset tcfit.
 """
@@ -83,9 +82,9 @@ def fit_frames(
     given, searched = run.divided()
     keys = run.only(torch.cat([given, _key_frames(searched, stages.config.key_frames_every)]).sort().values)
     # The camera step cannot determine the depth, which is held near its guess.
-    fits, camera = yield from keys.from_the_camera(guess.depth, known)
+    fits = yield from keys.from_the_camera(guess.depth, known)
     if _restarts(stages):
-        fits = yield from run.relay(fits, camera, keys)
+        fits = yield from run.relay(fits, keys)
     notes = (*((guess.note(),) if len(searched) else ()), *_notes(usable, fits.cost, first_frame))
     return replace(fits.filled(usable & fits.cost.isfinite()), notes=notes)
 
@@ -182,18 +181,12 @@ class _Frames:
         given = self.stages.given[self.frames]
         return self.frames[given], self.frames[~given]
 
-    def from_the_camera(
-        self, depth: Tensor, known: FrameFits | None
-    ) -> Generator[PhaseStep, None, tuple[FrameFits, State]]:
+    def from_the_camera(self, depth: Tensor, known: FrameFits | None) -> Generator[PhaseStep, None, FrameFits]:
         """The camera step and the five stages, in blocks of frames so that results can be shown early; frames that are
-        known are skipped.
-
-        Returns:
-            Fits of these frames, and the states after the camera step.
-        """
+        known are skipped."""
         stages, shown = self.stages, 0
         whole = _FIRST if _restarts(stages) else 1.0
-        fits = camera = FrameFits.at(starting_state(stages, depth, 0.0), Start.TURNED_0)
+        fits = FrameFits.at(starting_state(stages, depth, 0.0), Start.TURNED_0)
         parts = self.frames.split(_AT_ONCE if stages.device.type == "cpu" else len(self.frames))
         for k, frames in enumerate(parts):
             part = range(int(frames[0]), int(frames[-1]) + 1)
@@ -201,19 +194,19 @@ class _Frames:
             run = _Frames(stages.within(part), self.solver, left - part.start)
             begin, end = (whole * n / len(parts) for n in (k, k + 1))
             steps = run._all_stages(depth[part.start : part.stop])
-            found, before = yield from mapped(steps, lambda step, b=begin, e=end: step.between(b, e))
+            found = yield from mapped(steps, lambda step, b=begin, e=end: step.between(b, e))
             if known is not None:
-                found, before = (each.lower(known[part.start : part.stop])[0] for each in (found, before))
-            fits, camera = fits.with_frames(part, found), camera.with_frames(part, before)
+                found, _ = found.lower(known[part.start : part.stop])
+            fits = fits.with_frames(part, found)
             last = len(fits) if k + 1 == len(parts) else part.stop
             yield PhaseStep("first fits", end, 0.0, self._to_look_at(fits, range(shown, last)))
             shown = last
-        return fits, camera.state
+        return fits
 
-    def _all_stages(self, depth: Tensor) -> Generator[PhaseStep, None, tuple[FrameFits, FrameFits]]:
-        """Fits of these frames, and the camera step's result for those without a given start."""
+    def _all_stages(self, depth: Tensor) -> Generator[PhaseStep, None, FrameFits]:
+        """The camera step and the five stages, or the last one from a given start."""
         given, searched = self.divided()
-        fits = camera = FrameFits.at(starting_state(self.stages, depth, 0.0), Start.TURNED_0)
+        fits = FrameFits.at(starting_state(self.stages, depth, 0.0), Start.TURNED_0)
         if len(searched):
             run = self.only(searched)
             camera = yield from run.camera_step(depth)
@@ -221,7 +214,7 @@ class _Frames:
             fits = yield from run.both_sides(camera) if side_view else run.five_stages(camera)
         if len(given):
             fits, _ = fits.lower((yield from self.only(given).from_given(fits)))
-        return fits, camera
+        return fits
 
     def from_given(self, fits: FrameFits) -> Generator[PhaseStep, None, FrameFits]:
         """The last stage, from the given start: earlier ones would pull it to the neutral pose."""
@@ -283,17 +276,14 @@ class _Frames:
         trial = yield from self.only(side).five_stages(behind)
         return fits.lower(trial)[0]
 
-    def relay(self, fits: FrameFits, camera: State, keys: "_Frames") -> Generator[PhaseStep, None, FrameFits]:
+    def relay(self, fits: FrameFits, keys: "_Frames") -> Generator[PhaseStep, None, FrameFits]:
         """Every frame restarts from its neighbours' solutions and keeps the lower cost, for a few rounds.
 
-        Before that, frames with foreshortened thighs also start from a sitting pose, upright as found by the camera
-        step: from a standing pose thighs went backwards and knees sideways (sitting, PA-MPJPE 185 -> 50 mm). The relay
-        is the largest single gain on real footage: 164 -> 98, 151 -> 103 mm. After its first round only neighbours that
-        changed are tried again.
+        The relay is the largest single gain on real footage: 164 -> 98, 151 -> 103 mm. After its first round only
+        neighbours that changed are tried again.
 
         Args:
             fits: of the key frames.
-            camera: the key frames after the camera step.
             keys: the key frames; unless these are all, they settle first, and the others start interpolated.
         """
         stages = self.stages
@@ -301,7 +291,7 @@ class _Frames:
         # Costs of different stages cannot be compared: all restarts are judged by E_o of the last one.
         cost = torch.full_like(fits.cost, torch.inf)
         cost[keys.frames] = objective.cost(fits.state, keys.frames)
-        fits = yield from keys.seats(objective, replace(fits, cost=cost), camera)
+        fits = replace(fits, cost=cost)
         if stages.config.limb_flips:
             fits = yield from keys.flip_limbs(objective, fits)
         if len(keys.frames) < len(self.frames):
@@ -317,16 +307,6 @@ class _Frames:
             return fits  # later phases go on from here
         share = _SETTLED, 1.0
         return (yield from self._restart(_LastStage(stages, fits.state), fits, "last steps", share, final=True))
-
-    def seats(self, objective: _LastStage, fits: FrameFits, camera: State) -> Generator[PhaseStep, None, FrameFits]:
-        """Frames with foreshortened thighs restart from a sitting pose."""
-        _, searched = self.divided()
-        seated = searched[thighs_foreshortened(self.stages)[searched]]
-        if not len(seated):
-            return fits
-        start = fits.restarted(seated, self.stages.parametrisation.with_seat(camera[seated]), Start.SEAT)
-        trial = yield from self.only(seated)._restart(objective, start, "trying a sitting pose", (_FIRST, _SEATED))
-        return fits.lower(trial, _LOWER)[0]
 
     def rounds(
         self, objective: _LastStage, fits: FrameFits, share: tuple[float, float]
@@ -374,7 +354,7 @@ class _Frames:
             every, tried = list(flips.every(fits.state[frames], frames)), list[FrameFits]()
             if not every:
                 break
-            share = _part((_SEATED, _FLIPPED), 1 - 0.2**k, 1 - 0.2 ** (k + 1))  # the second round has a fifth of them
+            share = _part((_FIRST, _FLIPPED), 1 - 0.2**k, 1 - 0.2 ** (k + 1))  # the second round has a fifth of them
             for flip, rows, mirrored in every:
                 part = _part(share, len(tried) / (len(every) + 1), (len(tried) + 1) / (len(every) + 1))
                 start, label = fits.restarted(frames[rows], mirrored, flip), mirrored_label(flip)

@@ -15,8 +15,6 @@ from fitting_core.fit.variables.state import State
 
 SIDE_VIEW = 0.25
 """Ratio of shoulder width to torso length in the image below which a person is seen from the side."""
-FORESHORTENED = 0.75
-"""Fraction of a thigh's expected length, relative to the torso, below which it may point towards the camera."""
 _LONGEST = 100.0
 """Metres: a larger depth is not plausible."""
 
@@ -120,19 +118,3 @@ def seen_from_side(stages: Stages) -> Bool[Tensor, "T"]:
     length = (xy[:, [left, right]].mean(1) - xy[:, hips].mean(1)).norm(dim=1)
     known = stages.observations.seen[:, [left, right]].all(1) & stages.observations.hips_seen
     return known & (width < SIDE_VIEW * length)
-
-
-def thighs_foreshortened(stages: Stages) -> Bool[Tensor, "T"]:
-    """Frames in which a thigh looks much shorter than the body's proportions predict: it points in depth."""
-    rest, xy = stages.fitted.rest_joints, stages.xy
-
-    def length(a: str, b: str) -> Tensor:
-        return (xy[:, kp.INDEX[a]] - xy[:, kp.INDEX[b]]).norm(dim=1)
-
-    short = torch.zeros_like(stages.observations.hips_seen)
-    for side in ("left", "right"):
-        shoulder, hip, knee = (f"{side}_{n}" for n in ("shoulder", "hip", "knee"))
-        seen = stages.observations.seen[:, [kp.INDEX[n] for n in (shoulder, hip, knee)]].all(1)
-        thigh, torso = (rest[JOINT[hip]] - rest[JOINT[n]] for n in (knee, shoulder))
-        short |= seen & (length(hip, knee) < FORESHORTENED * length(shoulder, hip) * thigh.norm() / torso.norm())
-    return short

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core.body import rotations
-from fitting_core.body.model import JOINT, N_BETAS, N_EXPRESSION, N_JOINTS, POSE_COLUMNS, BodyModel
+from fitting_core.body.model import N_BETAS, N_EXPRESSION, N_JOINTS, POSE_COLUMNS, BodyModel
 from fitting_core.body.params import BodyParams, hand_basis
 from fitting_core.body.points.body_points import whole_pose
 from fitting_core.priors.pose import PosePrior
@@ -161,14 +161,6 @@ class Parametrisation:
     def body_pose(self, state: State) -> Float[Tensor, "B 63"]:
         """Axis-angle of the 21 body joints."""
         return self.prior.decode(state.vector[:, self.columns.body])
-
-    def with_seat(self, state: State) -> State:
-        """The same states with seated legs: thighs forward, shanks down."""
-        pose = self.body_pose(state).clone()
-        for side in ("left", "right"):
-            pose[:, 3 * (JOINT[f"{side}_hip"] - 1)] = -1.4
-            pose[:, 3 * (JOINT[f"{side}_knee"] - 1)] = 1.4
-        return state.with_columns(self.columns.body, self.prior.encode(pose, rough=True))
 
     def with_half_fists(self, state: State) -> State:
         """The same states with both hands halfway to a fist, as near as the hand space allows."""

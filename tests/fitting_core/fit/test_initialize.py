@@ -17,7 +17,6 @@ from fitting_core.fit.phases.initialize import (
     guess_depth,
     seen_from_side,
     starting_state,
-    thighs_foreshortened,
 )
 from fitting_core.fit.stages import Stages
 from fitting_core.keypoints import Keypoints
@@ -93,16 +92,3 @@ def test_side_views_at_any_size(tiny_body: BodyModel, yaw: int, expected: bool):
     """Near or far: it is the shoulders' width against the torso that counts, not pixels."""
     stages = stages_for(tiny_body, keypoints_of(tiny_body, standing(float(yaw)), CAMERA))
     assert seen_from_side(stages).tolist() == [expected] * 3
-
-
-def test_a_seat_is_tried_where_thighs_are_foreshortened(tiny_body: BodyModel):
-    """Thighs that point at the camera look short against the torso; those of somebody who stands do not."""
-    upright = standing(0.0)
-    parametrisation = stages_for(tiny_body, keypoints_of(tiny_body, upright, CAMERA)).parametrisation
-    seated = parametrisation.to_params(parametrisation.with_seat(parametrisation.from_params(upright)))
-    legs = seated.body_pose.view(-1, 21, 3)
-    assert (legs[:, [0, 1], 0] < -1).all() and (legs[:, [3, 4], 0] > 1).all()
-    assert torch.equal(seated.global_orient, upright.global_orient)
-    for params, expected in ((upright, False), (seated, True)):
-        stages = stages_for(tiny_body, keypoints_of(tiny_body, params, CAMERA))
-        assert thighs_foreshortened(stages).tolist() == [expected] * 3

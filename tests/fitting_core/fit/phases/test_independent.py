@@ -112,7 +112,7 @@ def test_relay_never_raises_a_cost_and_frees_a_stuck_frame(free_body: BodyModel,
     run = _Frames(stages, solver_of(stages), torch.arange(5))
     objective = stages.objective(N_STAGES, stuck, stages.free(N_STAGES, betas=True))
     before = objective.cost(stuck, torch.arange(5))
-    fits = finished(run.relay(FrameFits.at(stuck, Start.UNKNOWN), alone.state, run))
+    fits = finished(run.relay(FrameFits.at(stuck, Start.UNKNOWN), run))
     state, cost = fits.state, fits.cost
     assert (cost <= before).all()
     torch.testing.assert_close(cost, objective.cost(state, torch.arange(5)), rtol=1e-9, atol=0)

@@ -135,5 +135,5 @@ def test_the_relay_carries_a_limb_that_was_turned_back(scene: tuple[Stages, Stat
     stuck, lowest = stuck_of(stages, truth)
     stages = Stages.of(stages.keypoints, stages.camera, stages.body, config)
     run = _Frames(stages, make_solver("lm", config.settings), FRAMES)
-    freed = finished(run.relay(stuck, stuck.state, run)).cost
+    freed = finished(run.relay(stuck, run)).cost
     assert (freed < 1.02 * lowest).all() if flips else (freed > 1.05 * lowest).all()
