@@ -7,7 +7,6 @@ from jaxtyping import Bool, Float, Int
 
 from fitting_core.body.bounding_tree import NO_CHILD, BoundingTree, TriangleBoxes, build_tree, refitted
 from fitting_core.body.model import BodyModel
-from fitting_core.fit.collision.intersection import triangles_intersect
 from fitting_core.fit.collision.parts import body_parts, neighbouring_parts
 
 LEAF_SIZE = 4
@@ -79,6 +78,32 @@ def _slot_pairs(tree: BoundingTree, leaf_pairs: Int[np.ndarray, "M 2"]) -> Int[n
     valid = (a < tree.last[leaf_pairs[:, :1]]) & (b < tree.last[leaf_pairs[:, 1:]])
     valid &= (leaf_pairs[:, :1] != leaf_pairs[:, 1:]) | (row < column)
     return np.stack([a[valid], b[valid]], axis=1)
+
+
+def triangles_intersect(first: Float[np.ndarray, "N 3 3"], second: Float[np.ndarray, "N 3 3"]) -> Bool[np.ndarray, "N"]:
+    """Whether each pair of triangles has a common point; one without area has none.
+
+    By separating axes: the normals; in tilted planes the products of two edges, in one plane those of normal and edge.
+
+    Args:
+        first: Corners of the first triangle of each pair.
+        second: Corners of the second.
+    """
+    edges = [np.roll(corners, -1, axis=1) - corners for corners in (first, second)]
+    normals = np.stack([np.cross(edge[:, 0], edge[:, 1]) for edge in edges], axis=1)
+    found = (normals != 0).any(2).all(1) & ~_separated(normals, first, second)
+    near = np.flatnonzero(found)
+    a, b = (edge[near] for edge in edges)
+    axes = [np.cross(a[:, [i]], b) for i in range(3)]
+    axes += [np.cross(normals[near, None, i], edge) for i, edge in enumerate((a, b))]
+    found[near] = ~_separated(np.concatenate(axes, axis=1), first[near], second[near])
+    return found
+
+
+def _separated(axes: Float[np.ndarray, "N K 3"], first: np.ndarray, second: np.ndarray) -> Bool[np.ndarray, "N"]:
+    """Whether one of the axes of each pair has its triangles apart."""
+    a, b = (np.einsum("nki,nci->nkc", axes, corners) for corners in (first, second))
+    return ((a.max(2) < b.min(2)) | (b.max(2) < a.min(2))).any(1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
