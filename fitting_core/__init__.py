@@ -56,8 +56,7 @@ if TYPE_CHECKING:  # the table of public names, which `lazy_names` reads
     from fitting_core.fit.fitting import fit_clip as fit_clip
     from fitting_core.fit.fitting import fit_events as fit_events
     from fitting_core.fit.fitting import rerun_events as rerun_events
-    from fitting_core.fit.objective_values import ObjectiveValues as ObjectiveValues
-    from fitting_core.fit.objective_values import evaluate_objective as evaluate_objective
+    from fitting_core.fit.phase_figures import evaluate_objective as evaluate_objective
     from fitting_core.fit.refitting import refit as refit
     from fitting_core.io import read_motion as read_motion
     from fitting_core.io.known_shape import read_known_shape as read_known_shape

@@ -28,31 +28,30 @@ _AROUND = 20
 """Frames on either side of the changed ones whose error bars are recomputed."""
 
 
-def evaluated(
+def evaluate_objective(
     clip: Clip,
     body: BodyModel,
     config: FitConfig,
     params: BodyParams,
     *,
-    phase: int = 3,
     start: GivenStart | None = None,
     size: float | None = None,
 ) -> PhaseResult:
-    """A phase's figures for parameters of all frames from elsewhere: a re-run of some of them, a correction.
+    """What the last phase's objective says of any parameters, without minimising anything.
+
+    `objective` has the mean cost of a frame by term, with E_T and held feet; `frame_cost` is the sum without E_T.
 
     Args:
         clip: keypoints and camera, against which the costs are taken.
         body: the body model.
         config: its weights are those of the costs.
         params: all frames; they are kept unchanged.
-        phase: 3 includes E_T and held feet.
         start: what the fit began with, `FitResult.start`.
         size: of its person, `FitResult.size`.
     """
     stages = Stages.of_clip(clip, body, config, start=start, size=size)
-    if phase == 3:
-        stages = holding_feet(stages, params) or stages
-    result = phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=0.0)
+    stages = holding_feet(stages, params) or stages
+    result = phase_result(stages, 3, stages.parametrisation.from_params(params), seconds=0.0)
     return replace(result, params=params)
 
 

@@ -24,7 +24,7 @@ from fitting_core.fit.evidence.observations import Stances
 from fitting_core.fit.evidence.sides import PAIRED
 from fitting_core.fit.fitting import _on_one_thread, fit_clip, fit_events, rerun_events
 from fitting_core.fit.grounded import holding_feet
-from fitting_core.fit.phase_figures import evaluated, patched
+from fitting_core.fit.phase_figures import evaluate_objective, patched
 from fitting_core.fit.phases import consistency
 from fitting_core.fit.stages import Stages
 from fitting_core.keypoints import Keypoints
@@ -360,7 +360,7 @@ def test_costs_of_changed_frames_are_those_of_the_whole_clip(tiny_body: BodyMode
     """In the middle of the swapped frames nothing but the whole clip tells that they are, nor that it shows hands."""
     clip, config = mostly_swapped(tiny_body), replace(PRESETS["tcfit"], pose_prior="relaxed")
     params = replace(arms_in_motion(60, depth=3.5), left_hand_pose=torch.full((60, 12), 4.0, dtype=torch.float64))
-    whole = evaluated(clip, tiny_body, config, params)
+    whole = evaluate_objective(clip, tiny_body, config, params)
     before = replace(whole, frame_cost=np.full(60, np.nan))
     stages = Stages.of_clip(clip, tiny_body, config)
     after = patched(before, holding_feet(stages, params) or stages, params, [window], note="")

@@ -18,7 +18,7 @@ from fitting_core.body.points.positions import joints_in_space, keypoints_in_spa
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FramesFitted, PhaseFinished
 from fitting_core.fit.grounded import grounding_of_params
-from fitting_core.fit.phase_figures import evaluated
+from fitting_core.fit.phase_figures import evaluate_objective
 from fitting_core.fit.phases import independent
 from fitting_core.fit.stages import Stages
 from fitting_core.results.fit_result import FitResult
@@ -180,7 +180,7 @@ def test_a_released_drag_is_saved_and_its_fit_becomes_the_corrections(
     assert after.run.edits_seen == 1 and session.edits_since(after.run) == 0 and session.edits_since(before.run) == 1
     assert torch.equal(after.params.body_pose[0], before.params.body_pose[0])
     assert not torch.equal(after.params.body_pose[4], before.params.body_pose[4])
-    costs = evaluated(session.clip_of(after.camera), tiny_body, after.run.config, after.params).frame_cost
+    costs = evaluate_objective(session.clip_of(after.camera), tiny_body, after.run.config, after.params).frame_cost
     assert after.result is not None
     np.testing.assert_allclose(after.result.frame_cost[1:], costs[1:])
     drag(session, after, -10.0)
@@ -398,7 +398,7 @@ def test_costs_of_a_rerun_are_those_of_its_frames_alone(session: Session, tiny_b
     start = session.fits.fit(before.run)
     clip = session.clip_of(before.camera)
     found = finished(RerunFrames(clip=clip, body=tiny_body, config=QUICK, start=start, windows=(range(2, 4),)).run())
-    expected = evaluated(clip, tiny_body, QUICK, found.last.params)
+    expected = evaluate_objective(clip, tiny_body, QUICK, found.last.params)
     np.testing.assert_allclose(found.last.frame_cost[2:4], expected.frame_cost[2:4])
     others = [0, 1, *range(4, FRAMES)]
     assert (found.last.frame_cost[others] == start.last.frame_cost[others]).all(), "as in the run before"

@@ -22,7 +22,7 @@ from fitting_core.fit.evidence.given_start import (
     steadied,
 )
 from fitting_core.fit.fitting import fit_clip, rerun_events, shape_events
-from fitting_core.fit.phase_figures import evaluated, patched
+from fitting_core.fit.phase_figures import evaluate_objective, patched
 from fitting_core.fit.stages import Stages
 from fitting_core.keypoints import Keypoints
 from fitting_core.metrics import point_error
@@ -241,8 +241,8 @@ def test_what_is_fitted_again_has_the_same_evidence(free_body: BodyModel):
         joints = joints_in_space(free_body, found)
         off.append(point_error(joints[1:3, [wrist]] - joints[1:3, [pelvis]], true[1:3, [wrist]] - true[1:3, [pelvis]]))
     assert off[0].max() < 0.7 * off[1].min(), "it is drawn to the start from the wrong side in depth"
-    costs = evaluated(clip, free_body, config, away, start=held).frame_cost
-    assert (costs > evaluated(clip, free_body, config, away).frame_cost + 1).all()
+    costs = evaluate_objective(clip, free_body, config, away, start=held).frame_cost
+    assert (costs > evaluate_objective(clip, free_body, config, away).frame_cost + 1).all()
     before = replace(fit.last, frame_cost=np.zeros(4))
     again = patched(before, Stages.of_clip(clip, free_body, config, start=held), away, [window], note="")
     np.testing.assert_allclose(again.frame_cost, [0, *costs[1:3], 0])
