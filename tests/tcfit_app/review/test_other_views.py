@@ -3,7 +3,7 @@
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -229,10 +229,7 @@ def test_an_upload_that_breaks_off_leaves_nothing_and_the_next_one_is_read(
     monkeypatch.setattr(other_views, "read_view", read)
     with (
         Project.open(folder) as project,
-        serving("test", lambda server: ReviewApp(Session(project, cast(Any, OneBody(tiny_body))), server.viser)) as (
-            app,
-            server,
-        ),
+        serving("test", lambda server: ReviewApp(Session(project, OneBody(tiny_body)), server.viser)) as (app, server),
     ):
         cookie, before = admitted(server.gate.link), files()
 
@@ -261,16 +258,15 @@ def test_frames_that_look_fine_stay_so_until_the_fit_moves(
 ):
     """Another view changes what all frames are fitted to, but no fit before the next one."""
     tab, asked = tested.page.tab, list[frozenset[int]]()
-    project = tab.session.project
+    project, shown = tab.session.project, tab.look().b
+    assert shown is not None
 
     def queue(found: Any, *, checked: frozenset[int], limbs: Any) -> ReviewQueue:
         asked.append(checked)
         return ReviewQueue(left=(), looked_at=0)
 
     def fine() -> frozenset[int]:
-        now = tab.session.fits.show(FitChoice())
-        assert now is not None
-        tested.until(lambda: tab.data.queue(now) is not None)
+        tested.until(lambda: tab.data.queue(shown) is not None)
         return asked[-1]
 
     monkeypatch.setattr(drawing_data, "review_queue", queue)
@@ -281,8 +277,9 @@ def test_frames_that_look_fine_stay_so_until_the_fit_moves(
     assert fine() == {1, 2}
     project.append(MarkBad(frames=(1,), joints=(WRIST,)))
     assert fine() == {2}
-    tested.fit()
-    assert fine() == frozenset()
+    run = tested.fit()
+    shown = tab.session.fits.show(FitChoice(run=run.id))
+    assert shown is not None and fine() == frozenset()
 
 
 def test_the_body_is_drawn_where_the_other_camera_has_it(tiny_body: BodyModel):

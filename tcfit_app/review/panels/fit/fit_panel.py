@@ -47,6 +47,8 @@ class FitPanel:
             with inputs.shown(lambda: not self._again()):
                 inputs.add_preset()
                 inputs.add("temporal.weight", "shape_sample.size")
+            inputs.add("temporal.mode", "temporal.window_size", "shape_sample.strategy")
+            inputs.add("pose_prior", "solver", "silhouettes")
             self._part("Start")
             inputs.add_given()
             self._part("Body")

@@ -5,7 +5,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from msgspec import structs
 
@@ -17,6 +17,7 @@ from fitting_core.config.settings import RANGES, Range, changed, settings, value
 from fitting_core.config.toml import as_toml, parsed
 from fitting_core.errors import InputError
 from fitting_core.files.toml_text import parsed_toml
+from fitting_core.priors.files.registry import list_priors
 from tcfit_app.project.storage.run_record import Source, by_name
 from tcfit_app.review.gestures.fitting import camera_of
 from tcfit_app.review.panels.elements.camera_input import CameraInput
@@ -51,10 +52,38 @@ ROWS = {
     "temporal.weight": _Row(
         "Smoothness (w_T)", "Weight of consistency over time, E_T in the method: the higher, the smoother", 1e5
     ),
+    "temporal.mode": _Row(
+        "Mode", "How consistency over time is solved: a sliding window as in the paper, or all frames at once"
+    ),
+    "temporal.window_size": _Row("Window", "Frames per sliding window"),
     "shape_sample.size": _Row("Frames for body shape", "Number of frames that determine the shared shape"),
+    "shape_sample.strategy": _Row(
+        "Frames selected by", "How they are selected: at random, the most confident, or so that all parts are visible"
+    ),
+    "pose_prior": _Row("Pose prior", "What counts as a likely pose"),
+    "silhouettes": _Row("Silhouettes", "Also fit the shape to the person's silhouette (Shift+U shows it)"),
+    "solver": _Row("Solver", "How costs are minimised; the paper uses L-BFGS"),
     "height": _Row("Height (cm)", "The person's height without shoes; it determines the distance"),
 }
-"""By dotted name; numbers. All others are in the text of all settings."""
+"""By dotted name. All others are in the text of all settings."""
+_CHOICES: dict[str, Any] = {
+    "sliding window": "sliding_window",
+    "all frames at once": "global",
+    "at random": "random",
+    "highest confidence": "confident",
+    "all parts visible": "coverage",
+    "around the T-pose": "axis_angle",
+    "standing at ease": "relaxed",
+    "learned (tcfit)": "tcfit",
+    "learned (VPoser)": "vposer",
+    "Levenberg-Marquardt": "lm",
+    "L-BFGS": "lbfgs",
+    "on": True,
+    "off": False,
+}
+"""Choices by their names."""
+CHOICE_WORDS = {str(choice): word for word, choice in _CHOICES.items()}
+"""The name of each choice, by its text."""
 PRESET_LINES = {
     "tcfit": "Most accurate.",
     "paper": "As published: a sliding window over time.",
@@ -95,6 +124,13 @@ def words(name: str) -> str:
     return label[0].lower() + label[1:]
 
 
+def pose_priors(now: str) -> tuple[str, ...]:
+    """The names of those on this computer, and of the current one."""
+    latent = [prior.name for prior in list_priors() if not prior.problem]
+    there = [name for name in POSE_PRIORS if name in ("axis_angle", "relaxed") or name in latent]
+    return tuple(dict.fromkeys(map(_word, [*there, now])))
+
+
 class FitInputs:
     """Inputs for a tab's `FitSettings`; created where its method is called, hidden while it has no effect."""
 
@@ -127,10 +163,20 @@ class FitInputs:
         self._changed = Board(self._tab)
 
     def add(self, *names: str) -> None:
-        """Inputs for numbers in ROWS."""
+        """Inputs for settings in ROWS."""
         for name in names:
-            take, read = partial(self._take, name), lambda s, name=name: value_of(s.config, name)
-            self._add_number(name, self._number(name), ROWS[name].hint, take, read)
+            self._add_setting(name)
+
+    def _add_setting(self, name: str) -> None:
+        kind, known, take = settings()[name].type, ROWS[name], partial(self._take, name)
+        if kind in (int, float):
+            self._add_number(name, self._number(name), known.hint, take, lambda s: value_of(s.config, name))
+            return
+        options = self._pose_priors if name == "pose_prior" else None
+        values = options() if options else [_word(value) for value in get_args(kind) or (True, False)]
+        self._add_dropdown(
+            name, known.label, values, known.hint, take, lambda s: _word(value_of(s.config, name)), options
+        )
 
     def add_height(self) -> None:
         """The person's height, or nothing; stored in the project."""
@@ -185,6 +231,10 @@ class FitInputs:
         for_writers(self._tab, self._source)
         self._source_of: Hashable = None
         Board(self._tab).show(row(button("Use these settings", "fit.source", do=self._take_source)))
+
+    def _pose_priors(self) -> tuple[str, ...]:
+        now = self._tab.state.settings.config.pose_prior
+        return self._tab.once("pose priors", self._tab.state.settings, lambda: pose_priors(now))
 
     def _number(self, name: str) -> Number:
         """The valid range of a setting for this clip."""
@@ -308,6 +358,8 @@ class FitInputs:
         self._set(preset=name, config=self._tab.session.preset(name), problems=())
 
     def _take(self, name: str, value: Any) -> None:
+        value = _CHOICES.get(value, value)
+        value = self._prior(value) if name == "pose_prior" else value
         self._set(config=changed(self._tab.state.settings.config, {name: value}, origin=ORIGIN))
 
     def _take_held(self, metres: float | None) -> None:
@@ -397,3 +449,7 @@ class FitInputs:
         if key != self._source_of:
             self._source_of = key
             self._source.value = as_toml(now.config, preset_name=now.preset)
+
+
+def _word(choice: object) -> str:
+    return CHOICE_WORDS.get(str(choice), str(choice))

@@ -35,6 +35,8 @@ def tested(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel
 def test_what_is_entered_is_in_the_run(tested: LonePage):
     page = tested.page
     tested.enter("Smoothness (w_T)", "42.5")
+    tested.enter("Mode", "sliding window")
+    tested.enter("Window", "3")
     tested.enter("Focal length", "1000")
     tested.click("Fit everything")
     (job,) = page.tab.session.jobs.values()
@@ -42,7 +44,9 @@ def test_what_is_entered_is_in_the_run(tested: LonePage):
     tested.until(lambda: not page.tab.session.jobs)
     run = page.tab.session.project.runs.get(job.run)
     assert run.state == "finished"
-    assert run.config == changed(QUICK, {"temporal.weight": 42.5}, origin="")
+    assert run.config == changed(
+        QUICK, {"temporal.weight": 42.5, "temporal.mode": "sliding_window", "temporal.window_size": 3}, origin=""
+    )
     clip, camera = page.tab.session.project.clip.camera, page.tab.session.fits.fit(run).camera
     assert camera.focal == (1000.0, pytest.approx(1000 * clip.focal[1] / clip.focal[0]))
     assert camera.center == clip.center and "review" in camera.source
@@ -61,12 +65,9 @@ def test_what_is_entered_is_in_the_run(tested: LonePage):
 @pytest.mark.parametrize(
     ("label", "value", "said"),
     [
-        (
-            "Frames for body shape",
-            "500",
-            "is 500; expected a whole number, 1 to {frames} (the clip has",
-        ),
-        ("Frames for body shape", "2.5", "Frames for body shape is 2.5; expected a whole number"),
+        ("Window", "1", "Window is 1; expected a whole number, 2 to "),
+        ("Window", "500", "Window is 500; expected a whole number, 2 to {frames} (the clip has {frames} frames)."),
+        ("Window", "2.5", "Window is 2.5; expected a whole number"),
         ("Smoothness (w_T)", "1e9", "Smoothness (w_T) is 1e9; expected a number, 0 to 100,000."),
         ("Smoothness (w_T)", "-1", "Smoothness (w_T) is -1; expected a number, 0 to 100,000."),
         ("Smoothness (w_T)", "nan", "Smoothness (w_T) is nan; expected"),
@@ -265,7 +266,7 @@ def test_every_field_has_a_hint_and_numbers_their_range(tested: LonePage):
         "Focal length",
     ):
         assert tested.field(name).hint, name
-    for name in ("Smoothness (w_T)", "Frames for body shape", "Focal length"):
+    for name in ("Smoothness (w_T)", "Window", "Frames for body shape", "Focal length"):
         assert " to " in tested.field(name).hint, name
 
 
@@ -356,10 +357,10 @@ def test_a_right_pair_of_body_and_gender_settles_what_a_wrong_one_blocked(
 
 
 def test_another_problem_stays_while_the_body_is_put_right(tested: LonePage):
-    tested.enter("Smoothness (w_T)", "-3")
+    tested.enter("Window", "-3")
     tested.enter("Gender", "female")
     tested.enter("Gender", "neutral")
-    assert [name for name, _ in tested.page.tab.state.settings.problems] == ["temporal.weight"]
+    assert [name for name, _ in tested.page.tab.state.settings.problems] == ["temporal.window_size"]
 
 
 def test_a_height_given_in_one_tab_is_that_of_the_others(tested: LonePage):
@@ -374,7 +375,13 @@ def test_a_height_given_in_one_tab_is_that_of_the_others(tested: LonePage):
     assert tab.state.settings.config.height is None
 
 
-def test_settings_without_effect_are_no_difference():
+def test_settings_without_effect_cannot_be_changed_and_are_not_told(tested: LonePage):
+    tested.enter("Mode", "all frames at once")
+    tested.draw()
+    assert not tested.field("Window").visible and not tested.field("Smoothness (w_T)").disabled
+    tested.enter("Mode", "sliding window")
+    tested.draw()
+    assert tested.field("Window").visible
     config = changed(PRESETS["tcfit"], {"temporal.mode": "global", "temporal.window_size": 21}, origin="")
     assert "temporal.window_size" not in differences(config, "paper")
     config = changed(config, {"temporal.mode": "sliding_window"}, origin="")
