@@ -1,14 +1,16 @@
 """Focal length and vertical of a still camera: what is likely of any camera, and the straight edges in its pictures."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from fitting_core.camera import Camera, FocalFrom, Vertical, focal_from_35mm
 from fitting_core.errors import InputError
-from fitting_core.ground.gravity import gravity_before_fit, rolled_views
-from fitting_core.ground.lines import POSSIBLE_FOCALS, LineEvidence, edge_lengths, edges_of, line_evidence
+from fitting_core.ground.gravity import gravity_before_fit, rolled_views, told_gravity
+from fitting_core.ground.lines import POSSIBLE_FOCALS, LineEvidence, along_three, edge_lengths, edges_of, line_evidence
 from fitting_core.image_border import seen_confidence
 from fitting_core.keypoints import Keypoints
 from fitting_core.lifting.clip_lifting import lift
@@ -29,6 +31,33 @@ _ONE_IN_TEN = 1.2816
 """Standard deviations."""
 _ROUNDS = 2
 """The vertical that the person tells, around which edges are searched, depends on the focal length."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StraightLines:
+    """The straight edges that a camera is estimated from."""
+
+    edges: Float[np.ndarray, "n 4"]
+    """From x, y to x, y in pixels of the straightened picture."""
+    along: Bool[np.ndarray, "n"]
+    """Which of them run along the vertical or one of two level directions at right angles; none without a vertical."""
+
+
+def straight_lines(camera: Camera, video: Path, frames: Sequence[int]) -> StraightLines:
+    """The straight edges in a clip's pictures, for users to look at; none if the camera moves.
+
+    Args:
+        camera: Of the clip.
+        video: A video file or a folder of images.
+        frames: Numbers of the clip's frames in it.
+    """
+    edges = None if camera.path is not None else _still_edges(SampledPictures(video, frames, camera))
+    edges = np.zeros((0, 4)) if edges is None else edges
+    gravity = told_gravity(camera)
+    along = np.zeros(len(edges), bool)
+    if gravity is not None:
+        along = along_three(edges, camera.focal[0], camera.center, gravity.up)
+    return StraightLines(edges=edges, along=along)
 
 
 def camera_from_pictures(

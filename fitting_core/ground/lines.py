@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 
 from fitting_core.ground.gravity import Gravity
 
@@ -85,6 +85,21 @@ def line_evidence(
         return None
     focals, score, ups, deviations = (np.array(column) for column in zip(*known, strict=True))
     return LineEvidence(focals=focals, log_likelihood=score / _UNIT, ups=ups, deviations=deviations)
+
+
+def along_three(
+    edges: Float[np.ndarray, "n 4"], focal: float, center: tuple[float, float], up: Float[np.ndarray, "3"]
+) -> Bool[np.ndarray, "n"]:
+    """Which edges run along the vertical or one of two level directions at right angles, at the best heading.
+
+    Args:
+        edges: From `edges_of`, of a picture without distortion.
+        focal: Of its camera, pixels.
+        center: Its principal point, pixels.
+        up: Against gravity: unit vector in camera axes.
+    """
+    off = _off_three(_normals(edges, focal, center), up)
+    return off[_agreement(off, edge_lengths(edges)).argmax()] < _ALONG
 
 
 def _normals(edges: Float[np.ndarray, "n 4"], focal: float, center: tuple[float, float]) -> Float[np.ndarray, "n 3"]:

@@ -103,6 +103,11 @@ export interface Silhouette {
   lines: [number, number][][];
 }
 
+export interface StraightLines {
+  along: [number, number, number, number][];
+  other: [number, number, number, number][];
+}
+
 export interface Focus {
   x: number;
   y: number;
@@ -453,6 +458,7 @@ export interface States {
   header: Markup;
   bar: Markup;
   silhouette: Silhouette;
+  straight_lines: StraightLines;
   beat: Beat;
 }
 

@@ -213,6 +213,14 @@ class Silhouette(_State, frozen=True, kw_only=True):
     """Closed outlines, including holes; image pixels."""
 
 
+class StraightLines(_State, frozen=True, kw_only=True):
+    """The straight edges that the camera is estimated from."""
+
+    along: tuple[Segment, ...]
+    """Along the vertical, or one of two level directions at right angles."""
+    other: tuple[Segment, ...]
+
+
 class Focus(_State, frozen=True, kw_only=True):
     """The image pixel that is moved to the centre: what a close-up follows."""
 
@@ -540,6 +548,7 @@ STATES: dict[str, type[_State]] = {
     "header": Markup,
     "bar": Markup,
     "silhouette": Silhouette,
+    "straight_lines": StraightLines,
     "beat": Beat,
 }
 """By name; sending None removes a state."""

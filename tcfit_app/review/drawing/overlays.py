@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from fitting_core.camera import Camera, Lens
+from fitting_core.ground import from_pictures
 from fitting_core.keypoints import BODY, BONES, COUNT, GROUPS
 from fitting_core.lens import straightened
 from tcfit_app.imports.found_people import FoundInFrame
@@ -17,6 +18,7 @@ from tcfit_app.review.browser.page_states import (
     OtherPeople,
     OtherPerson,
     Silhouette,
+    StraightLines,
     Style,
     View,
     pixel_pairs,
@@ -58,6 +60,8 @@ def draw_overlays(tab: Tab, frame: Frame) -> None:
         send("silhouette", None)
     else:
         send("silhouette", tab.once("silhouette", key, lambda: silhouette(masks.mask(state.frame), clip.camera)))
+    found = tab.data.straight_lines if state.straight_lines and state.mode != "space" else None
+    send("straight_lines", found and tab.once("straight lines", found, lambda: _straight_lines(found)))
     focus = None if part is None else tab.once("focus", (part, *key), lambda: _focus(tab, part))
     if focus is not None or part is None:  # otherwise it stays put
         send("focus", focus)
@@ -222,7 +226,11 @@ def _top(xy: Float[np.ndarray, "n 2"]) -> tuple[float, float] | None:
     return pixel_pairs(xy[[xy[:, 1].argmin()]])[0] if len(xy) else None
 
 
-# --- the silhouette ---
+# --- the silhouette, and straight lines ---
+
+
+def _straight_lines(found: from_pictures.StraightLines) -> StraightLines:
+    return StraightLines(along=segments(found.edges[found.along]), other=segments(found.edges[~found.along]))
 
 
 def silhouette(mask: Bool[np.ndarray, "h w"] | None, camera: Camera) -> Silhouette | None:

@@ -369,7 +369,7 @@ _VIEW: tuple[_Row, ...] = (
         )
         for number, (mode, name) in enumerate(MODES.items(), 1)
     ),
-    *_switches("shown", "body", "compare"),
+    *_switches("shown", "body", "compare", "camera"),
     ("wipe", "Compare with a divider, on or off", "w", _wipe, (two_fits,)),
     ("next_person", "Next person of the clip", "q", _go_to_next_person, (others,)),
     ("fainter", "Less opacity", ",", lambda g: _change_opacity(g.tab, -0.1), (bodies,)),

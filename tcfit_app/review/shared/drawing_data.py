@@ -15,6 +15,7 @@ from fitting_core.body.points.positions import joints_in_space
 from fitting_core.camera import project as in_picture
 from fitting_core.clip import Clip, OtherView
 from fitting_core.errors import InputError
+from fitting_core.ground.from_pictures import StraightLines, straight_lines
 from fitting_core.ground.level import Level, level_of
 from fitting_core.metrics import error_figures
 from tcfit_app.analysis.curves import Curve, between_runs, curve
@@ -242,6 +243,16 @@ class DrawingData:
         if shown.there is not None and not shown.there.any():
             return 1.0
         return self.tasks.get(("view scale", view.relation, _stage(shown)), made) or 1.0
+
+    @property
+    def straight_lines(self) -> StraightLines | None:
+        """Those in the clip's pictures; None while they are detected, or if there is no video."""
+        clip = self.session.project.footage
+        video, frames = clip.source, range(clip.first_frame, clip.first_frame + len(clip))
+        if video is None:
+            return None
+        key = "straight lines", clip.camera, self.session.project.video_version
+        return self.tasks.get(key, lambda: straight_lines(clip.camera, video, frames))
 
     def body_points(self, body: FrameBody) -> Float[np.ndarray, "25 3"]:
         """A body's BODY_25 keypoints in camera space, metres, NaN for missing ones."""

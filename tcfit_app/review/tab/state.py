@@ -28,7 +28,7 @@ HELD_BY: dict[Part, int] = {
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 Need = Literal["bodies", "beside", "picture", "silhouettes", "others", "two_fits", "writable", "keypoints"]
 """What must hold before a control can be used: a name in `NEEDS` of the gestures."""
-Section = Literal["playing", "shown", "body", "compare", "keyframes"]
+Section = Literal["playing", "shown", "body", "compare", "keyframes", "camera"]
 """Where a switch is: in the bar, in one of its menus Body and Compare, or in a panel."""
 
 
@@ -122,6 +122,10 @@ class TabState:
     silhouette: bool = control(
         False, Switch("body", "Silhouette", "Silhouette on or off", "Shift+u", needs=("silhouettes", "picture"))
     )
+    straight_lines: bool = control(
+        False, Switch("camera", "Straight lines", "Straight lines in the picture on or off", needs=("picture",))
+    )
+    """Those that the camera was estimated from are drawn over the picture."""
     bodies: bool = control(True, Switch("shown", "Bodies", "Bodies on or off", "m", needs=("bodies",)))
     outline: bool = control(False, Switch("body", "Outline", "Outline on or off", "u", needs=("bodies", "picture")))
     others: bool = control(True, Switch("body", "Other people", "The clip's other people on or off", needs=("others",)))

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core import keypoints as kp
 from fitting_core.camera import Camera, FocalFrom, World, focal_from_35mm
-from fitting_core.ground.from_pictures import camera_from_pictures
+from fitting_core.ground.from_pictures import camera_from_pictures, straight_lines
 from fitting_core.ground.gravity import Gravity, angles_to
 from fitting_core.ground.lines import POSSIBLE_FOCALS, line_evidence
 from fitting_core.keypoints import Keypoints
@@ -154,3 +154,12 @@ def test_without_lines_a_usual_lens_is_assumed(tmp_path: Path, scene: str):
     assert found.focal[0] == pytest.approx(focal_from_35mm(32, SIZE)) and found.vertical is None
     assert not found.calibrated and found.focal_from is FocalFrom.ESTIMATED
     assert "typical of phones and cameras, with 80 % confidence between 788 and 1496 px" in found.source
+
+
+def test_lines_are_shown_as_they_count(tmp_path: Path):
+    room, turned = film(tmp_path / "room"), film(tmp_path / "turned", moving=True)
+    camera = read_camera(room)
+    found, blind = straight_lines(camera, room, range(5)), straight_lines(UNKNOWN, room, range(5))
+    assert len(found.edges) > 60 and found.along.mean() > 0.8
+    assert len(blind.edges) == len(found.edges) and not blind.along.any(), "no vertical is known"
+    assert not len(straight_lines(camera, turned, range(5)).edges)

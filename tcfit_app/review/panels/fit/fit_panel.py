@@ -41,6 +41,7 @@ class FitPanel:
         self._camera, self._every = Fold(tab, "fit.camera"), Fold(tab, "fit.all")
         with self._camera:
             inputs.add_focal()
+            self._lines = Board(tab)
             inputs.add_calibration()
         with self._every:
             self._part("Method", first=True)
@@ -85,6 +86,7 @@ class FitPanel:
         self._compared.draw()
         self._views.draw()
         self._camera.draw("Camera", on=self._writable)
+        self._lines.show(row(action(self._gestures, "straight_lines")), *self._of_lines())
         self._every.draw("All settings", on=self._writable)
         self._head.show(*self._heading())
         self._main.show(*self._button(after=True))
@@ -111,6 +113,19 @@ class FitPanel:
             return [found]
         people = f"{session.source.people.count} people were found. To choose another person, click on them."
         return [found, paragraph(people)]
+
+    def _of_lines(self) -> list[Html]:
+        """How many straight lines there are, while they are shown."""
+        if not self._tab.state.straight_lines:
+            return []
+        if self._tab.session.project.footage.source is None:
+            return [paragraph("No straight lines: the project has no video.", "dim")]
+        if (found := self._tab.data.straight_lines) is None:
+            return []
+        if not len(found.edges):
+            return [paragraph("No straight lines: the camera or most of the picture moves.", "dim")]
+        along = f"{found.along.sum()} of {len(found.edges)} straight lines (thick)"
+        return [paragraph(f"{along} are vertical or along one of two horizontal directions at right angles.", "dim")]
 
     def _button(self, *, after: bool) -> list[Html]:
         """The one main button, and what its fit is given; below the inputs once there is a fit."""

@@ -1,4 +1,4 @@
-"""The silhouette over the picture: where they are, and when they are sent."""
+"""The silhouette and the straight lines over the picture: where they are, and when they are sent."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,13 +10,16 @@ import viser
 
 from fitting_core.camera import Lens
 from fitting_core.errors import InputError
+from fitting_core.ground.from_pictures import StraightLines
 from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.lens import filmed
 from fitting_core.silhouettes import Silhouettes, silhouette_size
 from tcfit_app.project.project import Project
 from tcfit_app.review.drawing.overlays import outlines
 from tcfit_app.review.gestures.actions import ACTIONS
+from tcfit_app.review.shared import drawing_data
 from tests.drivers.lone_page import LonePage, lone_page, told
+from tests.drivers.waiting import until
 from tests.samples.spot_clips import FRAMES, SIZE, empty_project, spot_video
 
 WIDE = (1280, 960)
@@ -92,6 +95,21 @@ def test_it_is_sent_where_it_is_wanted_and_known(page: LonePage):
         draw()
     shown, gone = (state for name, state in sent if name == "silhouette")
     assert len(shown.lines) == 1 and gone is None
+
+
+def test_straight_lines_are_sent_while_they_are_shown(page: LonePage, monkeypatch: pytest.MonkeyPatch):
+    found = StraightLines(edges=np.array([[1.0, 2, 3, 4], [5, 6, 7, 8]]), along=np.array([True, False]))
+    monkeypatch.setattr(drawing_data, "straight_lines", lambda *_: found)
+    tab = page.page.tab
+    with told(tab) as sent:
+        page.press("action", "straight_lines")
+        until(lambda: tab.data.straight_lines is found, "the lines")
+        for mode in ("edit", "space"):
+            tab.set(mode=mode)
+            tab.look()
+            page.page.picture.draw()
+    shown, gone = (state for name, state in sent if name == "straight_lines")
+    assert shown.along == ((1, 2, 3, 4),) and shown.other == ((5, 6, 7, 8),) and gone is None
 
 
 def test_the_button_is_off_where_none_is_known(page: LonePage):

@@ -69,6 +69,7 @@ function drawOnPoster(context, map) {
   if (isSpace(map)) return drawFits(context, map);
   if (!isFilmed(map)) return;
   if (isPicture(map)) {
+    drawStraightLines(context, map);
     drawSilhouette(context, map);
     drawGaps(context, map);
     drawPeople(context, map);
@@ -90,6 +91,23 @@ function drawSilhouette(context, map) {
   context.setLineDash([6, 4]);
   stroke(context, outline, COLORS.strong, OUTLINE);
   context.setLineDash([]);
+}
+
+/** The straight edges that the camera is estimated from; those that do not count are thin.
+ * @param {Context} context @param {PosterMap} map */
+function drawStraightLines(context, map) {
+  if (!states.straight_lines) return;
+  const [along, other] = [states.straight_lines.along, states.straight_lines.other].map((segments) => {
+    const path = new Path2D();
+    for (const [x0, y0, x1, y1] of segments) {
+      path.moveTo(...toScreen(map, [x0, y0]));
+      path.lineTo(...toScreen(map, [x1, y1]));
+    }
+    return path;
+  });
+  stroke(context, along, "rgba(8, 10, 14, 0.5)", OUTLINE + 1.4);
+  stroke(context, along, COLORS.strong, OUTLINE);
+  stroke(context, other, COLORS.strong, 0.5 * OUTLINE);
 }
 
 /** @param {Context} context @param {PosterMap} map */
@@ -319,7 +337,7 @@ function drawFitName(context, { label, color }, right, top, across, beside = { e
 }
 
 addPainter("overlay", drawOverlay);
-for (const name of /** @type {const} */ (["framing", "silhouette"]))
+for (const name of /** @type {const} */ (["framing", "silhouette", "straight_lines"]))
   watch(name, () => invalidate("overlay"));
 
 // viser draws its scene only now and then; right after it, the overlay follows a camera that has moved.
