@@ -3,7 +3,7 @@
 from functools import partial
 
 from fitting_core.keypoints import GROUPS
-from tcfit_app.review.gestures.actions import ACTIONS, Gestures, bodies, key_text, refusal
+from tcfit_app.review.gestures.actions import ACTIONS, NEEDS, Gestures, key_text, refusal
 from tcfit_app.review.gestures.zooming import show_close_up
 from tcfit_app.review.panels.elements.html import (
     Html,
@@ -132,7 +132,7 @@ class Bar:
     def _side(self) -> Html:
         tab, gestures = self._tab, self._gestures
         views = [(number, view.view.clip.name, "") for number, view in tab.session.views.items()]
-        why = refusal(bodies, gestures)
+        why = refusal(NEEDS["bodies"], gestures)
         sides = [(name, text.capitalize(), why) for name, text in DIRECTION_TEXTS.items()]
         now = tab.state.side_from if tab.view else tab.direction
         ways: list[Item | None] = [

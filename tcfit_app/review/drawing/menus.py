@@ -6,7 +6,7 @@ from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.keypoints import BODY, GROUPS, PARTS
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import Groups, MenuItem, Menus
-from tcfit_app.review.gestures.actions import ACTIONS, OF_SELECTION, Gestures, Need, frames
+from tcfit_app.review.gestures.actions import ACTIONS, OF_SELECTION, Gestures
 from tcfit_app.review.gestures.edit_words import part_name
 
 _OF_FRAMES = (
@@ -71,7 +71,7 @@ def _of_frames(gestures: Gestures) -> Groups:
         if line is None:
             groups.append([])
         else:  # the page goes to one of these frames first
-            groups[-1].append(item(gestures, line[0], line[1].format(hit), but=(frames,)))
+            groups[-1].append(item(gestures, line[0], line[1].format(hit), but=("frames",)))
     return tuple(map(tuple, groups))
 
 
@@ -96,11 +96,11 @@ def _nobody(gestures: Gestures) -> MenuItem | None:
     return item(gestures, "frame_person", "Nobody was detected here. Search here?")
 
 
-def _group(gestures: Gestures, *names: str, but: Collection[Need] = ()) -> tuple[MenuItem, ...]:
+def _group(gestures: Gestures, *names: str, but: Collection[str] = ()) -> tuple[MenuItem, ...]:
     return tuple(item(gestures, name, but=but) for name in names)
 
 
-def item(gestures: Gestures, name: str, label: str = "", *, but: Collection[Need] = ()) -> MenuItem:
+def item(gestures: Gestures, name: str, label: str = "", *, but: Collection[str] = ()) -> MenuItem:
     """A menu item for one of ACTIONS or _SUBMENUS, with the first of its keys.
 
     Args:

@@ -1,6 +1,6 @@
 """Everything that a key or the command palette can do, in one table."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import ParamSpec
 
@@ -27,7 +27,6 @@ from tcfit_app.review.gestures.viewing import OtherViews
 from tcfit_app.review.gestures.zooming import next_close_up, show_whole, zoom_to_selection
 from tcfit_app.review.scene.side_view import DIRECTION_TEXTS
 from tcfit_app.review.tab.state import CONTROLS, MODES, OPACITIES, Section
-from tcfit_app.review.tab.state import Need as StateNeed
 from tcfit_app.review.tab.tab import Tab
 
 P = ParamSpec("P")
@@ -100,22 +99,22 @@ class Action:
     """The shared line for actions of one family in lists of keys."""
     repeats: bool = False
     """Whether it repeats while its key is held down."""
-    needs: tuple[Need, ...] = ()
-    """What must hold before it can be done."""
+    needs: tuple[str, ...] = ()
+    """What must hold before it can be done: names in NEEDS."""
 
-    def obstacle(self, gestures: Gestures, *, but: Collection[Need] = ()) -> str:
+    def obstacle(self, gestures: Gestures, *, but: Collection[str] = ()) -> str:
         """Why it cannot be done now; empty if it can. Keys, menus and panels all use this.
 
         Args:
             gestures: Of the tab.
             but: Needs to ignore, because they will be met by then.
         """
-        return next((why for need in self.needs if need not in but and (why := refusal(need, gestures))), "")
+        return next((why for need in self.needs if need not in but and (why := refusal(NEEDS[need], gestures))), "")
 
     def do(self, gestures: Gestures) -> None:
         """Do it. Raises InputError if that is not possible, and then changes nothing."""
         for need in self.needs:
-            need(gestures)
+            NEEDS[need](gestures)
         self.run(gestures)
 
 
@@ -173,116 +172,41 @@ def _edge(gestures: Gestures, *, first: bool) -> None:
 # --- what actions need ---
 
 
-def writable(g: Gestures) -> None:
-    """Requires a project that can be changed."""
-    g.tab.refuse_read_only()
-
-
-def keypoints(g: Gestures) -> None:
-    """Requires keypoints."""
-    g.tab.session.refuse_without_keypoints()
-
-
-def joints(g: Gestures) -> None:
-    """Requires selected keypoints."""
-    g.correcting.selected()
-
-
-def any_joints(g: Gestures) -> None:
-    """Requires selected keypoints, also in another view's picture."""
-    g.correcting.selected_anywhere()
-
-
-def frames(g: Gestures) -> None:
-    """Requires the frame on show to be among the selected ones."""
-    g.tab.require_visible_frames()
-
-
-def limbs(g: Gestures) -> None:
-    """Requires a selected arm or leg."""
-    limbs_of(g.correcting.selected())
-
-
-def lockable(g: Gestures) -> None:
-    """Requires a selected joint that can be locked."""
-    g.depth.lockable()
-
-
-def hand(g: Gestures) -> None:
-    """Requires a selected hand."""
-    g.shaping.side()
-
-
-def some_key(g: Gestures) -> None:
-    """Requires a keyframe in the frame on show."""
+def _some_key(g: Gestures) -> None:
     if not g.tab.session.project.corrected.key[g.tab.state.frame].any():
         raise InputError("No keypoint has a keyframe in this frame.")
 
 
-def key(g: Gestures) -> None:
-    """Requires a keyframe of the selected keypoints."""
-    keys_in(g.tab.session.project.corrected, g.correcting.selected(), g.tab.state.frame)
-
-
-def fit(g: Gestures) -> None:
-    """Requires a fit as B."""
-    g.fitting.base()
-
-
-def bodies(g: Gestures) -> None:
-    """Requires a fit, also one that is still running."""
+def _bodies(g: Gestures) -> None:
     if not g.tab.session.fits.runs:
         raise InputError("There is no fit yet: fit everything first.")
 
 
-def beside(g: Gestures) -> None:
-    """Requires another view of the person, or a fit."""
+def _beside(g: Gestures) -> None:
     if not g.tab.session.views:
-        bodies(g)
+        _bodies(g)
 
 
-def two_fits(g: Gestures) -> None:
-    """Requires two fits, or one with an earlier pass."""
-    bodies(g)
+def _two_fits(g: Gestures) -> None:
+    _bodies(g)
     showable = g.tab.session.fits.showable()
     if len(showable) == 1 and not passes_of(showable[0]):
         raise InputError("There is only one fit, without an earlier pass: fit again or import another to compare.")
 
 
-def settings(g: Gestures) -> None:
-    """Requires valid fit settings."""
-    g.fitting.refuse_wrong_settings()
-
-
-def picture(g: Gestures) -> None:
-    """Requires a mode with pictures."""
+def _picture(g: Gestures) -> None:
     if g.tab.state.mode == "space":
         raise InputError("3D has no picture for that: go to Edit (1) or Compare (2) first.")
 
 
-def silhouettes(g: Gestures) -> None:
-    """Requires a detector that provides silhouettes."""
+def _silhouettes(g: Gestures) -> None:
     if g.tab.session.project.footage.silhouettes is None:
         raise InputError("There is no silhouette: only keypoints detected by tcfit come with one.")
 
 
-def others(g: Gestures) -> None:
-    """Requires other people in the clip."""
+def _others(g: Gestures) -> None:
     if not g.tab.someone.others:
         raise InputError("This project has only one person.")
-
-
-NEEDS: Mapping[StateNeed, Need] = {
-    "bodies": bodies,
-    "beside": beside,
-    "keypoints": keypoints,
-    "others": others,
-    "picture": picture,
-    "silhouettes": silhouettes,
-    "two_fits": two_fits,
-    "writable": writable,
-}
-"""What the rows of TabState need."""
 
 
 def _undoable(g: Gestures) -> None:
@@ -295,35 +219,49 @@ def _redoable(g: Gestures) -> None:
         raise InputError("There is nothing to redo.")
 
 
-def _looking(g: Gestures) -> None:
-    g.again.refuse()
-
-
 def _suspects(g: Gestures) -> None:
     queue = g.reviewing.queue
     if (queue is not None and not queue.left) or not g.tab.session.fits.showable():
         raise InputError("There are no suspicious frames: either there is no fit yet, or all were reviewed.")
 
 
-def _finished(g: Gestures) -> None:
-    g.reviewing.refuse_unfinished()
-
-
-def _listed(g: Gestures) -> None:
-    g.reviewing.refuse_without_list()
-
-
-def _selected_frames(g: Gestures) -> None:
-    g.fitting.selected_frames()
-
-
-OF_SELECTION = (joints, any_joints, limbs, lockable, hand, key)
+NEEDS: dict[str, Need] = {
+    "writable": lambda g: g.tab.refuse_read_only(),
+    "keypoints": lambda g: g.tab.session.refuse_without_keypoints(),
+    "frames": lambda g: g.tab.require_visible_frames(),
+    "selected_frames": lambda g: g.fitting.selected_frames(),
+    "joints": lambda g: g.correcting.selected(),
+    "any_joints": lambda g: g.correcting.selected_anywhere(),
+    "limbs": lambda g: limbs_of(g.correcting.selected()),
+    "lockable": lambda g: g.depth.lockable(),
+    "hand": lambda g: g.shaping.side(),
+    "some_key": _some_key,
+    "key": lambda g: keys_in(g.tab.session.project.corrected, g.correcting.selected(), g.tab.state.frame),
+    "fit": lambda g: g.fitting.base(),
+    "bodies": _bodies,
+    "beside": _beside,
+    "two_fits": _two_fits,
+    "finished": lambda g: g.reviewing.refuse_unfinished(),
+    "settings": lambda g: g.fitting.refuse_wrong_settings(),
+    "picture": _picture,
+    "silhouettes": _silhouettes,
+    "others": _others,
+    "listed": lambda g: g.reviewing.refuse_without_list(),
+    "suspects": _suspects,
+    "detector": lambda g: g.again.refuse(),
+    "undoable": _undoable,
+    "redoable": _redoable,
+    **{f"export_{name}": lambda g, name=name: g.exporting.refuse(name) for name in exports()},
+}
+"""By the names in rows of actions and of TabState. `joints` are selected in the clip's picture, `any_joints` also in
+another view's. `frames`: if some are selected, the one on show is among them. `bodies` may still be fitted."""
+OF_SELECTION = ("joints", "any_joints", "limbs", "lockable", "hand", "key")
 """Needs that a menu opened on a keypoint ignores: it will be selected by then."""
-_EDIT = writable, keypoints, frames
-_OF_JOINTS = *_EDIT, joints
-_OF_ANY_JOINTS = *_EDIT, any_joints
-_OF_HAND = *_EDIT, hand, fit
-_AGAIN = writable, keypoints, settings, fit
+_EDIT = "writable keypoints frames"
+_OF_JOINTS = f"{_EDIT} joints"
+_OF_ANY_JOINTS = f"{_EDIT} any_joints"
+_OF_HAND = f"{_EDIT} hand fit"
+_AGAIN = "writable keypoints settings fit"
 _WAYS = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "up": (0.0, -1.0), "down": (0.0, 1.0)}
 """Image directions."""
 _NUDGES = dict(zip(NUDGES, ("Ctrl", "Ctrl+Shift"), strict=True))
@@ -334,14 +272,14 @@ def _nudge(name: str, pixels: int) -> str:
     return f"nudge_{name}" if pixels == 1 else f"nudge{pixels}_{name}"
 
 
-_Row = tuple[str, str, str, Callable[[Gestures], object], tuple[Need, ...]]
-"""By action: its name, title, keys as "Shift+m Delete", what does it, and its needs."""
+_Row = tuple[str, str, str, Callable[[Gestures], object], str]
+"""By action: its name, title, keys as "Shift+m Delete", what does it, and the names of its needs."""
 
 
 def _switches(*sections: Section) -> tuple[_Row, ...]:
     """The rows of TabState's switches."""
     return tuple(
-        (name, row.title, row.keys, _toggle(name), tuple(NEEDS[need] for need in row.needs))
+        (name, row.title, row.keys, _toggle(name), " ".join(row.needs))
         for section in sections
         for name, row in CONTROLS.items()
         if row.section == section
@@ -349,13 +287,13 @@ def _switches(*sections: Section) -> tuple[_Row, ...]:
 
 
 _PLAYING: tuple[_Row, ...] = (
-    ("play", "Play or pause", "Space", lambda g: g.tab.toggle_playing(), ()),
-    ("previous", "Previous frame", "ArrowLeft", lambda g: g.tab.step(-1), ()),
-    ("next", "Next frame", "ArrowRight", lambda g: g.tab.step(1), ()),
-    ("previous10", "10 frames back", "Shift+ArrowLeft", lambda g: g.tab.step(-10), ()),
-    ("next10", "10 frames forward", "Shift+ArrowRight", lambda g: g.tab.step(10), ()),
-    ("first", "First frame", "Home", lambda g: g.tab.step(-g.tab.length), ()),
-    ("last", "Last frame", "End", lambda g: g.tab.step(g.tab.length), ()),
+    ("play", "Play or pause", "Space", lambda g: g.tab.toggle_playing(), ""),
+    ("previous", "Previous frame", "ArrowLeft", lambda g: g.tab.step(-1), ""),
+    ("next", "Next frame", "ArrowRight", lambda g: g.tab.step(1), ""),
+    ("previous10", "10 frames back", "Shift+ArrowLeft", lambda g: g.tab.step(-10), ""),
+    ("next10", "10 frames forward", "Shift+ArrowRight", lambda g: g.tab.step(10), ""),
+    ("first", "First frame", "Home", lambda g: g.tab.step(-g.tab.length), ""),
+    ("last", "Last frame", "End", lambda g: g.tab.step(g.tab.length), ""),
     *_switches("playing"),
 )
 _VIEW: tuple[_Row, ...] = (
@@ -365,27 +303,27 @@ _VIEW: tuple[_Row, ...] = (
             f"Mode: {name}",
             f"Digit{number}",
             lambda g, mode=mode: g.tab.set(mode=mode),
-            {"edit": (), "ab": (two_fits,), "space": (bodies,)}[mode],
+            {"edit": "", "ab": "two_fits", "space": "bodies"}[mode],
         )
         for number, (mode, name) in enumerate(MODES.items(), 1)
     ),
     *_switches("shown", "body", "compare", "camera"),
-    ("wipe", "Compare with a divider, on or off", "w", _wipe, (two_fits,)),
-    ("next_person", "Next person of the clip", "q", _go_to_next_person, (others,)),
-    ("fainter", "Less opacity", ",", lambda g: _change_opacity(g.tab, -0.1), (bodies,)),
-    ("denser", "More opacity", ".", lambda g: _change_opacity(g.tab, 0.1), (bodies,)),
-    ("turn_side", "Side view from the next side", "Shift+v", _turn_side, (bodies,)),
-    ("fit_view", "Whole picture", "f", lambda g: show_whole(g.tab), ()),
-    ("zoom", "Zoom to the selected keypoints", "z", lambda g: zoom_to_selection(g.tab), (joints,)),
+    ("wipe", "Compare with a divider, on or off", "w", _wipe, "two_fits"),
+    ("next_person", "Next person of the clip", "q", _go_to_next_person, "others"),
+    ("fainter", "Less opacity", ",", lambda g: _change_opacity(g.tab, -0.1), "bodies"),
+    ("denser", "More opacity", ".", lambda g: _change_opacity(g.tab, 0.1), "bodies"),
+    ("turn_side", "Side view from the next side", "Shift+v", _turn_side, "bodies"),
+    ("fit_view", "Whole picture", "f", lambda g: show_whole(g.tab), ""),
+    ("zoom", "Zoom to the selected keypoints", "z", lambda g: zoom_to_selection(g.tab), "joints"),
     (
         "close_up",
         "Close-up that follows: right hand, left hand, face, off",
         "e",
         lambda g: next_close_up(g.tab),
-        (picture,),
+        "picture",
     ),
-    ("first_steps", "Show the first steps", "", lambda g: g.tab.set(keys=False, steps=True), ()),
-    ("help", "Show all keys", "h", _toggle("keys"), ()),
+    ("first_steps", "Show the first steps", "", lambda g: g.tab.set(keys=False, steps=True), ""),
+    ("help", "Show all keys", "h", _toggle("keys"), ""),
 )
 _KEYPOINTS: tuple[_Row, ...] = (
     ("bad", "Mark bad, or restore", "x", lambda g: g.correcting.toggle_bad(), _OF_ANY_JOINTS),
@@ -398,21 +336,21 @@ _KEYPOINTS: tuple[_Row, ...] = (
         "Delete the keyframe",
         "Shift+Backspace Shift+Delete",
         lambda g: g.correcting.delete_key(),
-        (writable, keypoints, some_key, joints, key),
+        "writable keypoints some_key joints key",
     ),
     *(
         (f"swap_{name}", f"Swap left and right: {name}", key, lambda g, name=name: g.correcting.swap_sides(name), _EDIT)
         for name, key in ({name: "" for name in SWAPPABLE} | {"body": "s", "hands": "Shift+s"}).items()
     ),
-    ("mirror_depth", "Mirror in depth", "Shift+m", lambda g: g.depth.send("mirror"), (*_EDIT, limbs, fit)),
-    ("in_front", "Put in front of shoulder or hip", "", lambda g: g.depth.send("front"), (*_EDIT, limbs, fit)),
-    ("behind", "Put behind shoulder or hip", "", lambda g: g.depth.send("behind"), (*_EDIT, limbs, fit)),
-    ("pin", "Pin in space over the selected frames", "Shift+p", lambda g: g.depth.pin(), (*_OF_JOINTS, fit)),
-    ("lock", "Lock the joint's rotation", "Shift+l", lambda g: g.depth.lock(), (*_EDIT, lockable, fit)),
-    ("unlock", "Unlock the joint", "", lambda g: g.depth.unlock(), (*_EDIT, lockable)),
-    ("keep", "Keep for the whole clip, or the selected frames", "", lambda g: g.depth.keep(), (*_OF_JOINTS, fit)),
+    ("mirror_depth", "Mirror in depth", "Shift+m", lambda g: g.depth.send("mirror"), f"{_EDIT} limbs fit"),
+    ("in_front", "Put in front of shoulder or hip", "", lambda g: g.depth.send("front"), f"{_EDIT} limbs fit"),
+    ("behind", "Put behind shoulder or hip", "", lambda g: g.depth.send("behind"), f"{_EDIT} limbs fit"),
+    ("pin", "Pin in space over the selected frames", "Shift+p", lambda g: g.depth.pin(), f"{_OF_JOINTS} fit"),
+    ("lock", "Lock the joint's rotation", "Shift+l", lambda g: g.depth.lock(), f"{_EDIT} lockable fit"),
+    ("unlock", "Unlock the joint", "", lambda g: g.depth.unlock(), f"{_EDIT} lockable"),
+    ("keep", "Keep for the whole clip, or the selected frames", "", lambda g: g.depth.keep(), f"{_OF_JOINTS} fit"),
     ("release", "Remove the kept offset", "", lambda g: g.depth.release(), _OF_JOINTS),
-    ("clear_depth", "Clear depth", "", lambda g: g.depth.clear_depth(), (*_EDIT, limbs)),
+    ("clear_depth", "Clear depth", "", lambda g: g.depth.clear_depth(), f"{_EDIT} limbs"),
     *(
         (f"shape_{name}", f"Hand shape: {name}", "", lambda g, name=name: g.shaping.give_named(name), _OF_HAND)
         for name in HANDSHAPES
@@ -420,7 +358,7 @@ _KEYPOINTS: tuple[_Row, ...] = (
     ("shape_other", "Hand shape: that of the other hand, mirrored", "", lambda g: g.shaping.give_other(), _OF_HAND),
     ("shape_copied", "Hand shape: the copied one", "", lambda g: g.shaping.give_copied(), _OF_HAND),
     ("shape_last", "Hand shape: the one given last", "Shift+h", lambda g: g.shaping.give_last(), _OF_HAND),
-    ("copy_shape", "Copy the hand's shape in the fit", "Shift+c", lambda g: g.shaping.copy(), (hand, fit)),
+    ("copy_shape", "Copy the hand's shape in the fit", "Shift+c", lambda g: g.shaping.copy(), "hand fit"),
     ("free_hand", "Remove hand shape", "", lambda g: g.shaping.free(), _OF_HAND),
     *(
         (
@@ -428,13 +366,13 @@ _KEYPOINTS: tuple[_Row, ...] = (
             f"Nudge {name} by {pixels} px",
             f"{held}+Arrow{name.title()}",
             lambda g, by=(pixels * x, pixels * y): g.correcting.nudge(*by),
-            (writable, keypoints, joints),
+            "writable keypoints joints",
         )
         for pixels, held in _NUDGES.items()
         for name, (x, y) in _WAYS.items()
     ),
     *(
-        (f"detect_{p}", f"Detect the {part_name(p)} again", "", lambda g, p=p: g.again.look(p), (_looking, frames))
+        (f"detect_{p}", f"Detect the {part_name(p)} again", "", lambda g, p=p: g.again.look(p), "detector frames")
         for p in PARTS
     ),
     *(
@@ -443,49 +381,49 @@ _KEYPOINTS: tuple[_Row, ...] = (
             f"Detect the {part_name(p)} in a rectangle",
             "",
             lambda g, p=p: g.again.frame(p),
-            (_looking, picture),
+            "detector picture",
         )
         for p in PARTS
     ),
-    ("cancel_detecting", "Cancel detecting again", "", lambda g: g.again.cancel(), ()),
-    ("all", "Select all keypoints on show", "Ctrl+a", lambda g: g.correcting.select_all(), ()),
+    ("cancel_detecting", "Cancel detecting again", "", lambda g: g.again.cancel(), ""),
+    ("all", "Select all keypoints on show", "Ctrl+a", lambda g: g.correcting.select_all(), ""),
     *(
         (
             f"select_{group}",
             f"Select the {group.replace('_', ' ')}",
             "",
             lambda g, group=group: g.tab.set(selection=tuple(range(COUNT)[GROUPS[group]])),
-            (keypoints,),
+            "keypoints",
         )
         for group in GROUPS
     ),
-    ("escape", "Cancel, or clear the selection", "Escape", _escape, ()),
-    ("undo", "Undo", "Ctrl+z", lambda g: g.correcting.undo(), (writable, _undoable)),
-    ("redo", "Redo", "Ctrl+Shift+z Ctrl+y", lambda g: g.correcting.redo(), (writable, _redoable)),
+    ("escape", "Cancel, or clear the selection", "Escape", _escape, ""),
+    ("undo", "Undo", "Ctrl+z", lambda g: g.correcting.undo(), "writable undoable"),
+    ("redo", "Redo", "Ctrl+Shift+z Ctrl+y", lambda g: g.correcting.redo(), "writable redoable"),
 )
 _FRAMES: tuple[_Row, ...] = (
-    ("range_start", "Select frames from here on", "[", lambda g: _edge(g, first=True), ()),
-    ("range_end", "Select frames up to here", "]", lambda g: _edge(g, first=False), ()),
-    ("next_suspect", "Next suspicious frame", "n", lambda g: g.reviewing.go(1), (_suspects,)),
-    ("previous_suspect", "Previous suspicious frame", "Shift+n", lambda g: g.reviewing.go(-1), (_suspects,)),
-    ("fine", "Looks fine, on or off", "o", lambda g: g.reviewing.dismiss(), (writable, frames)),
-    ("all_fine", "All listed look fine", "Shift+f", lambda g: g.reviewing.dismiss_listed(), (writable, _suspects)),
-    ("flag", "Flag on or off", "t", lambda g: g.reviewing.flag(), (writable, frames)),
-    ("note", "Write a note", "y", lambda g: g.noting.begin(), (writable, frames)),
-    ("copy_link", "Copy a link to this frame and fit", "", lambda g: g.noting.copy_link(), ()),
+    ("range_start", "Select frames from here on", "[", lambda g: _edge(g, first=True), ""),
+    ("range_end", "Select frames up to here", "]", lambda g: _edge(g, first=False), ""),
+    ("next_suspect", "Next suspicious frame", "n", lambda g: g.reviewing.go(1), "suspects"),
+    ("previous_suspect", "Previous suspicious frame", "Shift+n", lambda g: g.reviewing.go(-1), "suspects"),
+    ("fine", "Looks fine, on or off", "o", lambda g: g.reviewing.dismiss(), "writable frames"),
+    ("all_fine", "All listed look fine", "Shift+f", lambda g: g.reviewing.dismiss_listed(), "writable suspects"),
+    ("flag", "Flag on or off", "t", lambda g: g.reviewing.flag(), "writable frames"),
+    ("note", "Write a note", "y", lambda g: g.noting.begin(), "writable frames"),
+    ("copy_link", "Copy a link to this frame and fit", "", lambda g: g.noting.copy_link(), ""),
 )
 _FIT: tuple[_Row, ...] = (
-    ("rerun", "Fit the selected frames", "r", lambda g: g.fitting.frames(), (*_AGAIN, _selected_frames)),
+    ("rerun", "Fit the selected frames", "r", lambda g: g.fitting.frames(), f"{_AGAIN} selected_frames"),
     ("rerun_shape", "Fit the shape again", "", lambda g: g.fitting.shape(), _AGAIN),
-    ("fit", "Fit everything", "Shift+r", lambda g: g.fitting.everything(), (writable, keypoints, settings)),
-    ("cancel", "Cancel all fitting", "", lambda g: g.tab.session.cancel(), ()),
+    ("fit", "Fit everything", "Shift+r", lambda g: g.fitting.everything(), "writable keypoints settings"),
+    ("cancel", "Cancel all fitting", "", lambda g: g.tab.session.cancel(), ""),
 )
 _CLIPS: tuple[_Row, ...] = (
-    ("approve", "Approve clip / withdraw approval", "Shift+o", lambda g: g.reviewing.approve(), (writable, _finished)),
-    ("approve_next", "Approve and next", "", lambda g: g.reviewing.leave_approved(), (writable, _finished, _listed)),
-    ("next_clip", "Next clip of the list", "PageDown", lambda g: g.reviewing.leave("next"), (_listed,)),
-    ("previous_clip", "Previous clip of the list", "PageUp", lambda g: g.reviewing.leave("previous"), (_listed,)),
-    ("list", "All clips", "Shift+Home", lambda g: g.reviewing.leave("list"), (_listed,)),
+    ("approve", "Approve clip / withdraw approval", "Shift+o", lambda g: g.reviewing.approve(), "writable finished"),
+    ("approve_next", "Approve and next", "", lambda g: g.reviewing.leave_approved(), "writable finished listed"),
+    ("next_clip", "Next clip of the list", "PageDown", lambda g: g.reviewing.leave("next"), "listed"),
+    ("previous_clip", "Previous clip of the list", "PageUp", lambda g: g.reviewing.leave("previous"), "listed"),
+    ("list", "All clips", "Shift+Home", lambda g: g.reviewing.leave("list"), "listed"),
 )
 _EXPORT: tuple[_Row, ...] = tuple(
     (
@@ -493,7 +431,7 @@ _EXPORT: tuple[_Row, ...] = tuple(
         f"Export: {export.title}{'' if export.group in ('Video', 'Project') else f', for {export.group}'}",
         "",
         lambda g, name=name: g.exporting.begin(name),
-        (lambda g, name=name: g.exporting.refuse(name),),
+        f"export_{name}",
     )
     for name, export in exports().items()
 )
@@ -537,7 +475,7 @@ ACTIONS: dict[str, Action] = {
         group=group,
         family=_FAMILY.get(name, ""),
         repeats=name in _REPEATING,
-        needs=needs,
+        needs=tuple(needs.split()),
     )
     for group, rows in _GROUPS.items()
     for name, title, keys, run, needs in rows
