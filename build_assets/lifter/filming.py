@@ -99,14 +99,10 @@ class Studio:
         figure: whom.
         windows: what they do.
         rng: source of all chance.
-        errors: of the detector.
     """
 
-    def __init__(
-        self, figure: Figure, windows: Windows, rng: np.random.Generator, errors: DetectorErrors = OPENPOSE
-    ) -> None:
-        self.figure, self.windows, self.errors = figure, windows, errors
-        self.rng = rng
+    def __init__(self, figure: Figure, windows: Windows, rng: np.random.Generator) -> None:
+        self.figure, self.windows, self.rng = figure, windows, rng
 
     def reseeded(self, seed: tuple[int, ...]) -> None:
         """From here on chance is that of another seed."""
@@ -204,7 +200,7 @@ class Studio:
 
     def _errors(self, confidence: Float[Tensor, "B T 25"]) -> Float[Tensor, "B T 25 2"]:
         """Metres at the body: more where confidence is low."""
-        errors, count = self.errors, len(confidence)
+        errors, count = OPENPOSE, len(confidence)
         quality = torch.exp(errors.spread * self._normal(count, 1, 1, 1))
         lasts = errors.lasting[:, None] * self._normal(count, 1, POINTS, 2)
         wanders = errors.slow[:, None] * self._wander(count, 2 * POINTS, 0.1).view(count, FRAMES, POINTS, 2)

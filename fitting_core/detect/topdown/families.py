@@ -1,12 +1,7 @@
 """Families of models: which one a file holds, opening it, and decoding the boxes of the two that find people.
 
-RTMDet (Lyu et al. 2022, arXiv:2212.07784; MMDetection) is exported in three forms, distinguished by their outputs:
-
-| outputs | |
-|---|---|
-| dets (N, n, 5), labels (N, n) | with non-maximum suppression in the model ("end2end") |
-| (N, n, 4), (N, n, classes) | corners in input pixels and scores of all cells |
-| three (N, classes, h, w), three (N, 4, h, w) | the head as it is: logits, and distances to the sides in input pixels |
+RTMDet (Lyu et al. 2022, arXiv:2212.07784; MMDetection) puts out dets (N, n, 5) and labels (N, n), with non-maximum
+suppression in the model ("end2end"), as MMDeploy exports it.
 
 YOLOX (Ge et al. 2021, arXiv:2107.08430) is exported in two: one (N, cells, 5 + classes), the grid as it is (the
 authors' own, and DWPose's yolox_l.onnx); or dets (N, n, 5) and labels (N, n), with non-maximum suppression in the model
@@ -21,13 +16,12 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from fitting_core.detect.onnx_model import ModelTensor, OnnxModel, what_it_is
+from fitting_core.detect.onnx_model import OnnxModel, what_it_is
 from fitting_core.detect.topdown import simcc
 from fitting_core.detect.topdown.boxes import (
     PERSON,
     STRIDES,
     BoxModel,
-    Decode,
     decode_end2end,
     grid,
     has_focus,
@@ -43,51 +37,12 @@ _DEVIATION = np.array([57.375, 57.12, 58.395], dtype=np.float32)
 
 def _make_rtmdet(model: OnnxModel) -> BoxModel:
     """The model, ready to find people."""
-    decode = next(decode for fits, decode in _RTMDET_FORMS.items() if fits(model.outputs))
-    return BoxModel(model, decode, _MEAN, _DEVIATION)
+    return BoxModel(model, decode_end2end, _MEAN, _DEVIATION)
 
 
 def _is_rtmdet(model: OnnxModel) -> bool:
-    """Whether a model is an RTMDet: see this module's table."""
-    return any(fits(model.outputs) for fits in _RTMDET_FORMS) and not has_focus(model)
-
-
-def _is_pair(outputs: tuple[ModelTensor, ...]) -> bool:
-    return len(outputs) == 2 and all(len(o.shape) == 3 for o in outputs) and 4 in (o.shape[2] for o in outputs)
-
-
-def _decode_pair(
-    output: tuple[np.ndarray, ...], size: tuple[int, int]
-) -> tuple[Float[np.ndarray, "n 4"], Float[np.ndarray, "n"]]:
-    corners, scores = output if output[0].shape[1] == 4 else reversed(output)
-    return corners, scores[:, PERSON]
-
-
-def _is_head(outputs: tuple[ModelTensor, ...]) -> bool:
-    if len(outputs) != 2 * len(STRIDES) or any(len(output.shape) != 4 for output in outputs):
-        return False
-    return all(output.shape[1] == 4 for output in outputs[len(STRIDES) :])
-
-
-def _decode_head(
-    output: tuple[np.ndarray, ...], size: tuple[int, int]
-) -> tuple[Float[np.ndarray, "n 4"], Float[np.ndarray, "n"]]:
-    logits, sides = (
-        np.concatenate([np.moveaxis(level, 0, -1).reshape(-1, level.shape[0]) for level in levels]).astype(float)
-        for levels in (output[: len(STRIDES)], output[len(STRIDES) :])
-    )
-    cells, strides = grid(size)
-    points = cells * strides
-    corners = np.concatenate([points - sides[:, :2], points + sides[:, 2:]], 1)
-    return corners, 1 / (1 + np.exp(-np.clip(logits[:, PERSON], -60, 60)))
-
-
-_RTMDET_FORMS: dict[Callable[[tuple[ModelTensor, ...]], bool], Decode] = {
-    is_end2end: decode_end2end,
-    _is_pair: _decode_pair,
-    _is_head: _decode_head,
-}
-"""By what recognises a form by its outputs."""
+    """Whether a model is an RTMDet."""
+    return is_end2end(model.outputs) and not has_focus(model)
 
 
 _BEFORE_CLASSES = 5
@@ -170,6 +125,6 @@ def _load(path: Path, finds: Literal["points", "boxes"], provider: str, threads:
         raise simcc.wrong_model(model)
     known = " or ".join(f.title for f in FAMILIES.values() if f.finds == "boxes")
     raise InputError(
-        f"{path}: is {what_it_is(model)}. Expected a detector of people: {known}, with outputs dets and labels, or as "
-        "exported without non-maximum suppression."
+        f"{path}: is {what_it_is(model)}. Expected a detector of people: {known}, with outputs dets and labels; export "
+        "RTMDet with non-maximum suppression (end2end)."
     )

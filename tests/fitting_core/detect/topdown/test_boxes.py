@@ -39,30 +39,6 @@ def test_boxes_of_a_model_with_suppression(tmp_path: Path, focus: bool, kind: st
     assert only_box(model) == ([20.0, 10.0, 60.0, 80.0], pytest.approx(0.9))
 
 
-@pytest.mark.parametrize("swapped", [False, True])
-def test_rtmdet_as_corners_and_scores(tmp_path: Path, swapped: bool):
-    corners, scores = np.zeros((1, CELLS, 4)), np.zeros((1, CELLS, 80))
-    corners[0, 7], scores[0, 7, 0] = (8, 12, 20, 44), 0.6
-    corners[0, 9], scores[0, 9, 3] = (0, 0, 40, 40), 0.9
-    outputs = {"scores": scores, "boxes": corners} if swapped else {"boxes": corners, "scores": scores}
-    model = load_box_model(constant_model(tmp_path / "m.onnx", outputs, image=INPUT), threads=1)
-    assert family_of(model.model) is FAMILIES["rtmdet"]
-    assert only_box(model) == ([16.0, 24.0, 40.0, 88.0], pytest.approx(0.6))
-
-
-def test_rtmdet_as_the_head_is(tmp_path: Path):
-    sides = {8: 8, 16: 4, 32: 2}
-    outputs = {f"class{s}": np.full((1, 1, n, n), -9.0) for s, n in sides.items()}
-    outputs |= {f"box{s}": np.zeros((1, 4, n, n)) for s, n in sides.items()}
-    # Row 1, column 2 of the grid of stride 16: the point (32, 16).
-    outputs["class16"][0, 0, 1, 2] = np.log(0.8 / 0.2)
-    outputs["box16"][0, :, 1, 2] = (12, 6, 10, 20)
-    model = load_box_model(constant_model(tmp_path / "m.onnx", outputs, image=INPUT), threads=1)
-    assert family_of(model.model) is FAMILIES["rtmdet"]
-    corners, score = only_box(model)
-    assert np.allclose(corners, [40, 20, 84, 72]) and score == pytest.approx(0.8)
-
-
 def test_yolox_as_the_grid_is(tmp_path: Path):
     numbers = np.zeros((1, CELLS, 85))
     # Row 2, column 3 of the grid of stride 8: the centre (28, 18), 16 wide and 24 high.
