@@ -7,9 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.ground.balance import with_balance
 from fitting_core.ground.feet import stance_of
 from fitting_core.ground.gravity import Gravity, angles_to
+from fitting_core.ground.grounding import with_balance
 
 RATE, FRAMES = 30.0, 120
 UP = Rotation.from_euler("xz", [20, -8], degrees=True).apply([0.0, -1.0, 0.0])

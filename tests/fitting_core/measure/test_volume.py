@@ -7,7 +7,7 @@ import trimesh
 
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
-from fitting_core.measure.mesh.volume import Enclosed
+from fitting_core.measure.mesh.errors import Enclosed
 from tests.samples.scenes import random_params
 
 

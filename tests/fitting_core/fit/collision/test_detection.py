@@ -17,11 +17,12 @@ from fitting_core.body.params import BodyParams
 from fitting_core.fit.collision.detection import (
     LEAF_SIZE,
     body_collision_finder,
+    body_parts,
     collision_finder,
+    neighbouring_parts,
     overlapping_triangles,
     triangles_intersect,
 )
-from fitting_core.fit.collision.parts import body_parts, neighbouring_parts
 
 grid_pairs = hnp.arrays(np.int64, (2, 3, 3), elements=st.integers(-2, 2))
 

@@ -14,7 +14,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.phases.outlines import OutlinedShape, outlined_shape
 from fitting_core.fit.stages import Stages
-from fitting_core.measure.mesh.volume import Enclosed
+from fitting_core.measure.mesh.errors import Enclosed
 from fitting_core.render.rasterize import rasterize
 from fitting_core.silhouettes import Silhouettes, silhouette_size
 from tests.samples.scenes import CAMERA, keypoints_of, likeliest_shape, random_params
