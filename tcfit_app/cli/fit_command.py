@@ -197,6 +197,9 @@ def tell(lines: Iterable[str]) -> None:
 
 # --- --people all ---
 
+_FORMER_GLB = "people.glb"
+"""All people in one file, which earlier versions wrote."""
+
 
 def run_fit_people(options: FitOptions, *, command: str = "") -> None:
     """Fit all people, write their results, and print their folders.
@@ -259,7 +262,7 @@ def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:
     if overwrite or not folder.is_dir():
         check_out(folder, overwrite=overwrite)
         return old
-    known = {folder / PEOPLE_NAME, *old} if old else set()
+    known = {folder / PEOPLE_NAME, folder / _FORMER_GLB, *old} if old else set()
     others = [path for path in sorted(folder.iterdir()) if path not in known]
     others += [path for one in old if one.is_dir() for path in sorted(one.iterdir()) if path.name not in RESULT_NAMES]
     if others:
@@ -275,7 +278,7 @@ def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:
 def _remove(folder: Path, old: Sequence[Path]) -> None:
     """Delete an earlier fit of several people, so that the next fit has no person of it."""
     try:
-        for path in (folder / PEOPLE_NAME, *(one / name for one in old for name in RESULT_NAMES)):
+        for path in (folder / PEOPLE_NAME, folder / _FORMER_GLB, *(one / name for one in old for name in RESULT_NAMES)):
             path.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{error.filename}: cannot be replaced ({error.strerror}). Choose another --out.") from error

@@ -97,7 +97,7 @@ class Reference:
             raise InputError(
                 f"{self.name}: has {len(self)} frames, which last as long as the fit's {count}, and does not say where "
                 f"it begins; expected that to be known, as the fit begins at the video's frame {first_frame}. Say it "
-                f"with --reference-first-frame (in the review: Begins at frame): {first_frame} if the reference was "
+                f"with --reference-first-frame {first_frame} if the reference was "
                 "cut to the fit's frames, 0 if it begins with the video."
             )
         numbers = first_frame + np.arange(count)

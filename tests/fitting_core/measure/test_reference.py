@@ -290,7 +290,9 @@ def cut(frames: int, folder: Path, **keys: Any) -> Reference:
 
 def test_a_reference_as_long_as_a_later_fit_must_say_where_it_begins(tmp_path: Path):
     found = cut(40, tmp_path)
-    with pytest.raises(InputError, match=r"40 frames, which last as long .* frame 20\. Say it with .*frame .*: 20 if"):
+    with pytest.raises(
+        InputError, match=r"40 frames, which last as long .* frame 20\. Say it with --reference-first-frame 20 if"
+    ):
         found.frames_of(40, 20, 25.0)
     with pytest.raises(InputError, match="last as long as the fit's 10"):
         cut(40, tmp_path, fps=100.0).frames_of(10, 20, 25.0)
