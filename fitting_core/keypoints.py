@@ -1,7 +1,7 @@
 """The 137 OpenPose keypoints: the one place that defines their order, names, groups and bones."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from typing import Literal
 
@@ -119,10 +119,10 @@ _BEYOND_KNUCKLES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class KeptDepth:
-    """Depths of a body keypoint that a person stated, and the frames in which their difference from the lifter holds.
+class KeptOffset:
+    """Depths and places of a body keypoint that a person stated, and the frames in which it is off by as much.
 
-    The difference is an offset in the body's own axes, see `fit.evidence.kept_depths`.
+    See `fit.evidence.kept_offsets`: it is off in the body's own axes.
     """
 
     keypoint: int
@@ -131,6 +131,8 @@ class KeptDepth:
     """Where it holds, counted from the clip's first."""
     depths: Mapping[int, float]
     """As `Keypoints.depth`, by frame."""
+    shifts: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    """Pixels from its detection to where it was placed, by frame."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,7 +158,7 @@ class Keypoints:
     axis-angle, radians; NaN where not stated, None: nowhere. It is independent of the detection, and stays where sides
     are swapped back. That of fingers counts where all of a hand's are stated.
     """
-    kept: tuple[KeptDepth, ...] = ()
+    kept: tuple[KeptOffset, ...] = ()
     """Of the whole clip: a part of it has none. Presets without the lifter ignore them."""
 
     def __post_init__(self) -> None:

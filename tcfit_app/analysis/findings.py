@@ -13,7 +13,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, JOINTS
-from fitting_core.fit.evidence.kept_depths import with_kept
+from fitting_core.fit.evidence.kept_offsets import with_kept
 from fitting_core.fit.evidence.observations import lifted_keypoints
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.frame_runs import runs_where

@@ -40,7 +40,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import sweep, sweep_beside
 from fitting_core.fit.views.relating import related
 from fitting_core.io.people_file import refuse_several
-from fitting_core.keypoints import KeptDepth, Keypoints
+from fitting_core.keypoints import KeptOffset, Keypoints
 from fitting_core.lens import filmed_keypoints, straightened_keypoints
 from fitting_core.measure.references.reference import Reference
 from fitting_core.silhouettes import Silhouettes
@@ -232,7 +232,7 @@ class Project:
             return self._history.exchanges
 
     @property
-    def kept(self) -> tuple[KeptDepth, ...]:
+    def kept(self) -> tuple[KeptOffset, ...]:
         """The current offsets, also in `clip.keypoints`, which take longer."""
         with self._guard:
             return self._history.kept

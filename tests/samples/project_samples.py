@@ -265,7 +265,8 @@ def _detected_again(draw: st.DrawFn) -> DetectAgain:
 
 
 def _kept(edit: SetDepth) -> Keep:
-    return Keep(frames=tuple(range(FRAMES)), joints=edit.joints, at=edit.frames, depth=edit.depth)
+    shift = tuple((None, *((1.5, -2.0),) * (len(edit.joints) - 1)) for _ in edit.frames)
+    return Keep(frames=tuple(range(FRAMES)), joints=edit.joints, at=edit.frames, depth=edit.depth, shift=shift)
 
 
 def _pinned(edit: SetDepth) -> Pin:
@@ -333,7 +334,13 @@ def random_edit(seed: int) -> Edit:
         CopyFrom(frames=frames, joints=joints, source=0),
         Pin(frames=frames, joints=(4, 7), xy=((1.0, 2.0), (3.0, 4.0)), depth=((0.1, 0.2), (0.3, 0.4))),
         SetDepth(frames=frames, joints=(4, 7), depth=tuple(map(tuple, rng.uniform(-1, 1, (2, 2)).tolist()))),
-        Keep(frames=tuple(range(FRAMES)), joints=(4, 7), at=frames, depth=((0.2, None), (0.3, 0.1))),
+        Keep(
+            frames=tuple(range(FRAMES)),
+            joints=(4, 7),
+            at=frames,
+            depth=((0.2, None), (None, 0.1)),
+            shift=((None, (2.0, 1.0)), ((0.5, -3.0), None)),
+        ),
         PlaceKey(frames=tuple(range(FRAMES)), joints=joints, at=frames[0], xy=xy[0]),
         Lock(frames=frames, joints=(4,), turn=((0.1, -0.2, 0.3),)),
         ShapeHand(frames=frames[:1], joints=FINGER_JOINTS["left"], name="x", shape=((0.1, -0.2, 0.3),) * 15),

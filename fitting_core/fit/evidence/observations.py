@@ -13,7 +13,7 @@ from torch import Tensor
 from fitting_core import keypoints as kp
 from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.evidence.kept_depths import STATED, with_kept
+from fitting_core.fit.evidence.kept_offsets import STATED, kept_places, with_kept
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.contacts import FOOT_POINTS, Contacts
@@ -200,6 +200,7 @@ class Observations:
         """
         undetected = self.keypoints.confidence[:, kp.BODY] == 0
         deviation = size * lifted.depth_deviation * np.where(_IS_FOOT & ~undetected, FEET, 1.0)
+        places = kept_places(self.keypoints, lifted.points)
         points, deviation = with_kept(self.keypoints.kept, size * lifted.points, deviation)
         deviation = np.where(deviation < UNSURE, deviation, np.inf)
         position, deviations = self.relative_position.clone(), self.relative_position_deviation.clone()
@@ -210,7 +211,8 @@ class Observations:
         deviations[..., 2] = torch.where(
             self.depth_by_hand, self.relative_position_deviation[..., 2], deviations[..., 2]
         )
-        return replace(self, relative_position=position, relative_position_deviation=deviations)
+        xy = self.xy + torch.as_tensor(places).to(self.xy)
+        return replace(self, xy=xy, relative_position=position, relative_position_deviation=deviations)
 
     def viewed(self, found: PointsInSpace, *, size: float = 1.0) -> "Observations":
         """With points that other views locate, except where a person set depths.

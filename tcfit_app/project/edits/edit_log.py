@@ -22,7 +22,7 @@ from typing import Literal, get_args
 import msgspec
 
 from fitting_core.errors import InputError
-from fitting_core.keypoints import KeptDepth, Keypoints
+from fitting_core.keypoints import KeptOffset, Keypoints
 from tcfit_app.project.edits.corrected import Corrected, read_only
 from tcfit_app.project.edits.kinds import (
     AddView,
@@ -289,9 +289,9 @@ class EditHistory:
         return [entry for entry in self._done if isinstance(entry.action, TakeOver)]
 
     @property
-    def kept(self) -> tuple[KeptDepth, ...]:
+    def kept(self) -> tuple[KeptOffset, ...]:
         """The current offsets, in the order in which they were kept."""
-        found: list[KeptDepth] = []
+        found: list[KeptOffset] = []
         for entry in self._keeping:
             if isinstance(edit := entry.action, Keep):
                 found += edit.kept

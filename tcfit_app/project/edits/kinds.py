@@ -26,7 +26,7 @@ from fitting_core.keypoints import (
     LOCKABLE,
     NAMES,
     PARTS,
-    KeptDepth,
+    KeptOffset,
     Keypoints,
     PartOfPerson,
 )
@@ -271,7 +271,7 @@ class Pin(_Edit, frozen=True, tag="pin"):
 
 
 class _OfOffset(_Edit, frozen=True):
-    """An edit of the offset of body keypoints from the lifter's (`KeptDepth`), which is no part of the keypoints."""
+    """An edit of a kept offset of body keypoints (`KeptOffset`), which is no part of the keypoints."""
 
     def change(self, here: Corrected, now: Corrected) -> None:
         pass
@@ -281,32 +281,41 @@ class _OfOffset(_Edit, frozen=True):
 
 
 class Keep(_OfOffset, frozen=True, tag="keep"):
-    """Keep depths stated in a few frames as an offset that holds in all of `frames`."""
+    """Keep depths and places stated in a few frames as an offset that holds in all of `frames`."""
 
     at: tuple[int, ...]
     """The frames in which they are stated."""
     depth: tuple[tuple[_Depth | None, ...], ...]
     """As in `SetDepth`, for each of `at` and each of `joints`; None: not stated."""
+    shift: tuple[tuple[_Point | None, ...], ...] = ()
+    """Pixels by which keyframes moved them, likewise; earlier versions kept none."""
 
     @property
-    def kept(self) -> tuple[KeptDepth, ...]:
+    def kept(self) -> tuple[KeptOffset, ...]:
         """For each of `joints`."""
+        none = ((None,) * len(self.joints),) * len(self.at)
+        rows = [*zip(self.at, self.depth, self.shift or none, strict=True)]
         return tuple(
-            KeptDepth(
+            KeptOffset(
                 keypoint=joint,
                 frames=self.frames,
-                depths={frame: z for frame, z in zip(self.at, column, strict=True) if z is not None},
+                depths={frame: z for frame, depths, _ in rows if (z := depths[column]) is not None},
+                shifts={frame: by for frame, _, shifts in rows if (by := shifts[column]) is not None},
             )
-            for joint, column in zip(self.joints, zip(*self.depth, strict=True), strict=True)
+            for column, joint in enumerate(self.joints)
         )
 
     def problem(self, length: int) -> str:
-        problem = _choice_problem(self.at, length, "the clip has no others", "frame")
-        counted = _count_problem("depth", self.depth, self.joints, self.at)
-        if problem := problem or counted or super().problem(length):
+        problem = (
+            _choice_problem(self.at, length, "the clip has no others", "frame")
+            or _count_problem("depth", self.depth, self.joints, self.at)
+            or (_count_problem("shift", self.shift, self.joints, self.at) if self.shift else "")
+            or super().problem(length)
+        )
+        if problem:
             return problem
-        unknown = [NAMES[one.keypoint] for one in self.kept if not one.depths]
-        return f"no depth of {unknown[0]} is stated" if unknown else ""
+        unknown = [NAMES[one.keypoint] for one in self.kept if not one.depths and not one.shifts]
+        return f"no depth and no place of {unknown[0]} is stated" if unknown else ""
 
 
 class Release(_OfOffset, frozen=True, tag="release"):

@@ -347,6 +347,13 @@ _KEYPOINTS: tuple[_Row, ...] = (
     ("behind", "Put behind shoulder or hip", "", lambda g: g.depth.send("behind"), f"{_EDIT} limbs fit"),
     ("pin", "Pin in space over the selected frames", "Shift+p", lambda g: g.depth.pin(), f"{_OF_JOINTS} fit"),
     ("lock", "Lock the joint's rotation", "Shift+l", lambda g: g.depth.lock(), f"{_EDIT} lockable fit"),
+    (
+        "lock_throughout",
+        "Lock the joint's rotation in all frames, or unlock it",
+        "",
+        lambda g: g.depth.lock_throughout(),
+        f"{_EDIT} lockable fit",
+    ),
     ("unlock", "Unlock the joint", "", lambda g: g.depth.unlock(), f"{_EDIT} lockable"),
     ("keep", "Keep for the whole clip, or the selected frames", "", lambda g: g.depth.keep(), f"{_OF_JOINTS} fit"),
     ("release", "Remove the kept offset", "", lambda g: g.depth.release(), _OF_JOINTS),

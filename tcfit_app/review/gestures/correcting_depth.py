@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from fitting_core.body.geometry import unit
 from fitting_core.body.model import JOINT
@@ -16,7 +16,8 @@ from fitting_core.body.points.positions import joints_in_space, keypoints_in_spa
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.fit.evidence.sides import unswapped_keypoint
-from fitting_core.keypoints import BODY, INDEX, LOCKABLE, KeptDepth, Keypoints
+from fitting_core.keypoints import BODY, INDEX, LOCKABLE, KeptOffset, Keypoints
+from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.kinds import ClearDepth, Keep, Lock, Pin, Release, Unlock
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.correcting import Correcting, across_sides, swapped_sides
@@ -71,8 +72,25 @@ class CorrectingDepth:
 
     def lock(self) -> None:
         """Lock the joints of the selected keypoints at their rotation in the fit on show, in the chosen frames."""
-        tab, joints = self._tab, self.lockable()
-        frames, shown = tab.frames_to_change, tab.look().b
+        self._lock(self._tab.frames_to_change)
+
+    def lock_throughout(self) -> None:
+        """Lock them in all frames, as a stiff joint is; or unlock them again."""
+        every = tuple(range(self._tab.length))
+        if self.locked_throughout:
+            self._correcting.make(Unlock(frames=every, joints=self._of_body(self.lockable())))
+        else:
+            self._lock(every)
+
+    @property
+    def locked_throughout(self) -> bool:
+        """Whether all selected joints that can be locked are, in all frames."""
+        joints, project = self._of_body(self.lockable()), self._tab.session.project
+        key = joints, project.keypoints_version
+        return self._tab.once("locked", key, lambda: bool(project.corrected[:, list(joints)].locked.all()))
+
+    def _lock(self, frames: tuple[int, ...]) -> None:
+        tab, joints, shown = self._tab, self.lockable(), self._tab.look().b
         now = tab.state.frame
         if shown is None or not shown.has(now):
             raise InputError("The rotation is copied from the fit, and this frame has none yet: fit first.")
@@ -161,20 +179,21 @@ class CorrectingDepth:
         detected = self._as_detected(joints)
         self._correcting.make(Pin(frames=frames, joints=detected, xy=places, depth=tuple(map(tuple, depths.tolist()))))
 
-    # --- offsets from the lifter's points, which last ---
+    # --- offsets, which last ---
 
     @property
     def can_keep(self) -> bool:
-        """Whether a depth, a pin or a lock of the selected keypoints can be kept."""
+        """Whether a depth, a keyframe, a pin or a lock of the selected keypoints can be kept."""
         tab, project, state = self._tab, self._tab.session.project, self._tab.state
 
         def found() -> bool:
-            corrected, joints = project.corrected, list(state.selection)
+            corrected, joints = project.corrected, [joint for joint in state.selection if joint < BODY.stop]
             if state.frames is not None:
                 corrected = corrected[list(tab.chosen_frames)]
-            stated = np.isfinite(corrected.depth[:, joints]) & ~corrected.bad[:, joints]
-            turning = [joint for joint in joints if _BEYOND.get(joint)]
-            return bool(stated.any() or np.isfinite(corrected.turn[:, turning, 0]).any())
+            corrected = corrected[:, joints]
+            stated = np.isfinite(corrected.told_depth) | _moved_by_key(corrected)
+            turning = [bool(_BEYOND.get(joint)) for joint in joints]
+            return bool(stated.any() or (corrected.locked & turning).any())
 
         return tab.once("can keep", (state.selection, state.frames, project.keypoints_version), found)
 
@@ -184,62 +203,62 @@ class CorrectingDepth:
         return tuple(range(self._tab.length)) if self._tab.state.frames is None else self._tab.frames_to_change
 
     def keep(self) -> None:
-        """Keep the selected keypoints' depths as offsets; without any, those of the keypoints that their locks turn."""
-        frames, joints = self._lasting, self._of_body(self._correcting.selected())
-        stated = self._stated_depths(frames, joints)
+        """Keep depths and keyframes of the selected keypoints as offsets; without any, depths that their locks made."""
+        frames, selected = self._lasting, self._of_body(self._correcting.selected())
+        joints = tuple(joint for joint in selected if joint < BODY.stop)
+        stated = self._stated(frames, joints)
         if not stated:
             joints, stated = self._locked_depths(frames, joints)
-        known = [c for c in range(len(joints)) if any(row[c] is not None for row in stated.values())]
-        self._correcting.make(
-            Keep(
-                frames=frames,
-                joints=tuple(joints[c] for c in known),
-                at=tuple(stated),
-                depth=tuple(tuple(row[c] for c in known) for row in stated.values()),
-            )
-        )
+        known = [c for c in range(len(joints)) if any(row[c] != _UNSTATED for row in stated.values())]
+        depth = tuple(tuple(row[column][0] for column in known) for row in stated.values())
+        shift = tuple(tuple(row[column][1] for column in known) for row in stated.values())
+        named = tuple(joints[column] for column in known)
+        self._correcting.make(Keep(frames=frames, joints=named, at=tuple(stated), depth=depth, shift=shift))
 
-    def _stated_depths(self, frames: tuple[int, ...], joints: tuple[int, ...]) -> dict[int, tuple[float | None, ...]]:
-        """Depths of the body's keypoints that a person set, by frame."""
+    def _stated(self, frames: tuple[int, ...], joints: tuple[int, ...]) -> "dict[int, tuple[_Stated, ...]]":
+        """What a person stated of the body's keypoints, by frame."""
         project, shown = self._tab.session.project, self._tab.look().b
-        depth = project.corrected.told_depth[list(frames)]
-        rows = np.flatnonzero(np.isfinite(depth).any(1))
+        corrected = project.corrected[list(frames)]
+        depth, moved = corrected.told_depth, _moved_by_key(corrected)
+        rows = np.flatnonzero((np.isfinite(depth) | moved).any(1))
         among = tuple(frames[row] for row in rows)
         swapped = [()] * len(among) if shown is None else swapped_sides(project, shown, among)
-        found: dict[int, tuple[float | None, ...]] = {}
+        found: dict[int, tuple[_Stated, ...]] = {}
         for row, frame, pairs in zip(rows, among, swapped, strict=True):
-            values = depth[row, [unswapped_keypoint(joint, pairs) for joint in joints]].tolist()
-            if np.isfinite(values).any():
-                found[frame] = _known(values)
+            columns = [unswapped_keypoint(joint, pairs) for joint in joints]
+            shift = corrected.shift[row, columns].round(2)
+            values = tuple(map(_as_stated, depth[row, columns], np.where(moved[row, columns, None], shift, np.nan)))
+            if any(value != _UNSTATED for value in values):
+                found[frame] = values
         return found
 
     def _locked_depths(
         self, frames: tuple[int, ...], joints: tuple[int, ...]
-    ) -> tuple[tuple[int, ...], dict[int, tuple[float | None, ...]]]:
+    ) -> "tuple[tuple[int, ...], dict[int, tuple[_Stated, ...]]]":
         """The body's keypoints that the joints locked at these move, and their depths in the fit, by frame."""
         locked = self._tab.session.project.corrected.locked[np.ix_(frames, joints)]
         moving = (joints[column] for column in np.flatnonzero(locked.any(0)))
         beyond = tuple(dict.fromkeys(point for joint in moving for point in _BEYOND.get(joint, ())))
         if not beyond:
             raise InputError(
-                "There is nothing to keep: first set a depth of the selected keypoints, pin them, or lock a joint of "
-                "neck, arm or leg in one frame or several."
+                "There is nothing to keep: first set a depth of the selected keypoints, move or pin them, or lock a "
+                "joint of neck, arm or leg in one frame or several."
             )
         if self._tab.session.edit_follower.lags:
             raise InputError("The fit is still following: try again when it has.")
         at = tuple(frames[row] for row in np.flatnonzero(locked.any(1)))
         seen = self._seen_body(at)
-        depths = np.round(seen.points[:, list(beyond), 2] - seen.pelvis[:, None], 4).tolist()
-        return beyond, {frame: _known(row) for frame, row in zip(at, depths, strict=True)}
+        depths = np.round(seen.points[:, list(beyond), 2] - seen.pelvis[:, None], 4)
+        return beyond, {frame: tuple(map(_as_stated, row)) for frame, row in zip(at, depths, strict=True)}
 
-    def kept(self) -> tuple[KeptDepth, ...]:
+    def kept(self) -> tuple[KeptOffset, ...]:
         """The offsets of the selected keypoints in the frame on show, or in any selected one."""
         tab, every = self._tab, self._tab.session.project.kept
         shown = tab.shown.b
         if not every or shown is None:
             return ()
 
-        def found() -> tuple[KeptDepth, ...]:
+        def found() -> tuple[KeptOffset, ...]:
             joints, frames = {*self._of_body(tab.state.selection)}, {*tab.chosen_frames}
             return tuple(one for one in every if one.keypoint in joints and not frames.isdisjoint(one.frames))
 
@@ -256,8 +275,19 @@ class CorrectingDepth:
         self._correcting.make(Release(frames=tuple(frames), joints=tuple({one.keypoint: None for one in kept})))
 
 
-def _known(depths: Sequence[float]) -> tuple[float | None, ...]:
-    return tuple(z if np.isfinite(z) else None for z in depths)
+_Stated = tuple[float | None, tuple[float, float] | None]
+"""Depth and shift of a keypoint in one frame, as in `Keep`."""
+_UNSTATED: _Stated = (None, None)
+
+
+def _as_stated(depth: float, shift: Sequence[float] = (np.nan, np.nan)) -> _Stated:
+    x, y = map(float, shift)
+    return (float(depth) if np.isfinite(depth) else None, (x, y) if np.isfinite(x) else None)
+
+
+def _moved_by_key(corrected: Corrected) -> Bool[np.ndarray, "F K"]:
+    """Keypoints with a keyframe that is not where they were detected."""
+    return corrected.key & corrected.present & corrected.shift.any(-1)
 
 
 # --- limbs flipped in depth about their roots, with the same image: the values of `SetDepth` ---

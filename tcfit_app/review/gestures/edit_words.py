@@ -103,7 +103,9 @@ def describe(edit: Said, first_frame: int = 0) -> str:
     what = part_name(edit.part) if isinstance(edit, DetectAgain) else keypoints_in_words(edit.joints)
     verb = _in_depth(edit) if isinstance(edit, SetDepth) else VERBS[type(edit)]
     if isinstance(edit, Keep):
-        verb = f"depth of {in_words(edit.at, first_frame)} {verb}"
+        parts = ("depth", "place"), ([one.depths for one in edit.kept], [one.shifts for one in edit.kept])
+        what = f"{what} {' and '.join(name for name, stated in zip(*parts, strict=True) if any(stated))}"
+        verb = f"of {in_words(edit.at, first_frame)} {verb}"
     if isinstance(edit, MoveKey):
         verb = f"{verb} to frame {edit.to + first_frame}"
     if isinstance(edit, PlaceKey | RemoveKey | MoveKey):

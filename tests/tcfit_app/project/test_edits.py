@@ -267,14 +267,16 @@ def test_joints_are_locked_until_they_are_unlocked_or_reset(detected: Keypoints)
     assert after(detected, lock, Unlock(frames=(0, 1, 2), joints=(4, 7))).keypoints.turn is None
 
 
-def test_a_kept_depth_stays_until_it_is_released(detected: Keypoints):
-    keep = Keep(frames=(0, 1, 2, 3), joints=(4, 7), at=(1, 3), depth=((0.1, None), (0.3, 0.4)))
+def test_a_kept_offset_stays_until_it_is_released(detected: Keypoints):
+    shift = ((None, (2.0, -1.0)), (None, None))
+    keep = Keep(frames=(0, 1, 2, 3), joints=(4, 7), at=(1, 3), depth=((0.1, None), (0.3, 0.4)), shift=shift)
     later = Keep(frames=(4, 5), joints=(4,), at=(5,), depth=((0.9,),))
     history = after(detected, keep, later, Reset(frames=(1,), joints=(4,)), ClearDepth(frames=(3,), joints=(4, 7)))
     assert untouched(history, detected, [], []) and history.keypoints.depth is None
     elbow, wrist, other = history.keypoints.kept
     assert (elbow.keypoint, elbow.frames, elbow.depths) == (4, (0, 1, 2, 3), {1: 0.1, 3: 0.3})
-    assert (wrist.keypoint, wrist.depths) == (7, {3: 0.4}) and other.depths == {5: 0.9}
+    assert (wrist.keypoint, wrist.depths, wrist.shifts) == (7, {3: 0.4}, {1: (2.0, -1.0)})
+    assert other.depths == {5: 0.9} and not other.shifts and not elbow.shifts
     assert history.keypoints[2:6].kept == () and unswapped(history.keypoints)[0].kept == history.kept
     left = after(detected, keep, later, Release(frames=(0, 1), joints=(4,)))
     assert left.keypoints.kept == (wrist, other)
@@ -419,7 +421,8 @@ REFUSED = {
     "too few turns": (Lock(frames=(0,), joints=(4, 7), turn=((0.0, 0.0, 0.0),)), "one rotation for each of 2"),
     "a hand locked": (Lock(frames=(0,), joints=(30,), turn=((0.0, 0.0, 0.0),)), "cannot be locked"),
     "too few pinned": (Pin(**ONE, xy=(), depth=((0.0,),)), "not have one position for each of 1 keypoints"),
-    "nothing kept": (Keep(**ONE, at=(0,), depth=((None,),)), "no depth of nose is stated"),
+    "nothing kept": (Keep(**ONE, at=(0,), depth=((None,),)), "no depth and no place of nose is stated"),
+    "too few shifts kept": (Keep(**ONE, at=(0,), depth=((0.1,),), shift=((),)), "one shift for each of 1 keypoints"),
     "kept from nowhere": (Keep(**ONE, at=(), depth=()), "names no frame"),
     "kept from behind the end": (Keep(**ONE, at=(6,), depth=((0.1,),)), "no frame 6"),
     "too few kept": (Keep(**ONE, at=(0,), depth=((),)), "one depth for each of 1 keypoints in 1 frames"),

@@ -139,6 +139,7 @@ class CorrectPanel:
         limb = not refusal(limbs_of, self._tab.state.selection)
         lockable = not refusal(gestures.depth.lockable)
         where = "for the whole clip" if self._tab.state.frames is None else "for the selected frames"
+        way = "Unlock" if lockable and gestures.depth.locked_throughout else "Lock"
         return [
             *([row(act("keep", f"Keep {where}"))] if gestures.depth.can_keep else []),
             *([row(act("release", "Remove the offset"))] if gestures.depth.kept() else []),
@@ -146,6 +147,7 @@ class CorrectPanel:
             *([row(act("clear_depth"))] if limb else []),
             row(act("pin", "Pin in space")),
             *([row(act("lock", "Lock rotation"), act("unlock", "Unlock"))] if lockable else []),
+            *([row(act("lock_throughout", f"{way} in all frames"))] if lockable else []),
         ]
 
     def _of_frames(self) -> Html:

@@ -56,5 +56,5 @@ def _of_one(tab: Tab, state: str, frame: int, joint: int) -> str:
     if corrected[frame].locked[joint] or corrected[[frame]].keypoints().overruled[0, joint]:
         parts.append("Rotation locked." if joint in LOCKABLE else "In a given hand shape.")
     if any(one.keypoint == joint and frame in one.frames for one in tab.session.project.kept):
-        parts.append("Its depth has a kept offset.")
+        parts.append("It has a kept offset.")
     return " ".join(parts)

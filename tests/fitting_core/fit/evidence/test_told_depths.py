@@ -11,13 +11,13 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig
-from fitting_core.fit.evidence.kept_depths import STATED
+from fitting_core.fit.evidence.kept_offsets import STATED
 from fitting_core.fit.fitting import rerun_events
 from fitting_core.fit.phases.limb_flips import LIMBS, LimbFlips, mirrored_as_told
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.positions import RelativePosition
 from fitting_core.fit.variables.state import Free
-from fitting_core.keypoints import KeptDepth
+from fitting_core.keypoints import KeptOffset
 from fitting_core.lifting.clip_lifting import LiftedClip
 from tests.samples.posed_clips import clip_of, motion, shipped_body
 from tests.samples.scenes import finished
@@ -119,7 +119,7 @@ def test_a_fit_follows_a_kept_depth_in_all_frames(clip: Clip, params: BodyParams
     monkeypatch.setattr("fitting_core.fit.evidence.observations.lift", lifted)
     body, before, frame, by = shipped_body(), depths(params), 4, 0.1
     there = told(clip, [frame], [WRIST], before[frame, WRIST] + by)
-    kept = KeptDepth(keypoint=WRIST, frames=tuple(range(len(clip))), depths={frame: before[frame, WRIST] + by})
+    kept = KeptOffset(keypoint=WRIST, frames=tuple(range(len(clip))), depths={frame: before[frame, WRIST] + by})
     lasting = replace(there, keypoints=replace(there.keypoints, kept=(kept,)))
 
     def fitted(of: Clip, preset: str) -> np.ndarray:
@@ -136,7 +136,7 @@ def test_a_fit_follows_a_kept_depth_in_all_frames(clip: Clip, params: BodyParams
 
 
 def test_a_depth_of_a_frame_goes_before_the_offset(clip: Clip, params: BodyParams):
-    kept = KeptDepth(keypoint=WRIST, frames=(3, 4), depths={4: 0.5})
+    kept = KeptOffset(keypoint=WRIST, frames=(3, 4), depths={4: 0.5})
     said = told(clip, [4], [WRIST], np.array(0.5))
     both = replace(said, keypoints=replace(said.keypoints, kept=(kept,)))
     of = [Stages.of_clip(one, shipped_body(), config_of("tcfit")).observations for one in (said, both)]

@@ -1,4 +1,4 @@
-"""Offsets from depths that a person keeps: what they make of the lifter's points and deviations."""
+"""Offsets that a person keeps: what they make of the lifter's points and deviations, and of detections."""
 
 from dataclasses import replace
 
@@ -7,8 +7,8 @@ import pytest
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.fit.evidence.kept_depths import with_kept
-from fitting_core.keypoints import INDEX, KeptDepth
+from fitting_core.fit.evidence.kept_offsets import kept_places, with_kept
+from fitting_core.keypoints import BODY, COUNT, INDEX, KeptOffset, Keypoints
 
 WRIST = INDEX["right_wrist"]
 FRAMES, UNSURE = 120, 0.1
@@ -29,15 +29,15 @@ def turning() -> tuple[Float[np.ndarray, "T 25 3"], Float[np.ndarray, "T 3 3"]]:
     return rest @ turn.swapaxes(1, 2), axes
 
 
-def kept_at(*frames: int, noise: float = 0.0, keypoint: int = WRIST) -> KeptDepth:
+def kept_at(*frames: int, noise: float = 0.0, keypoint: int = WRIST) -> KeptOffset:
     """True depths, of which the lifter's is off by OFFSET; every second is off by `noise`."""
     points, axes = turning()
     true = points[:, keypoint, 2] + axes[:, 2] @ OFFSET
     wrong = {frame: noise * (-1) ** i for i, frame in enumerate(frames)}
-    return KeptDepth(keypoint=keypoint, frames=WHOLE, depths={frame: true[frame] + wrong[frame] for frame in frames})
+    return KeptOffset(keypoint=keypoint, frames=WHOLE, depths={frame: true[frame] + wrong[frame] for frame in frames})
 
 
-def made(*kept: KeptDepth) -> tuple[Float[np.ndarray, "T 25 3"], Float[np.ndarray, "T 25 3"]]:
+def made(*kept: KeptOffset) -> tuple[Float[np.ndarray, "T 25 3"], Float[np.ndarray, "T 25 3"]]:
     """By how much points move, metres along the trunk's axes, and deviations along the camera's."""
     points, axes = turning()
     moved, deviations = with_kept(kept, points, np.full(points.shape[:2], UNSURE))
@@ -82,3 +82,46 @@ def test_the_later_of_two_counts():
     nothing = replace(kept_at(0), frames=(3,), depths={0: turning()[0][0, WRIST, 2]})
     moved, _ = made(kept_at(0), nothing)
     assert abs(moved[3, WRIST]).max() < 1e-9 < abs(moved[4, WRIST]).max()
+
+
+# --- places in the picture ---
+
+SCALE = 400.0
+"""Pixels for a metre."""
+LASTING = np.array([0.02, -0.03, 0.015])
+
+
+def moved_places(*frames: int, seen: np.ndarray | None = None, wrong: float = 0.0, by_hand: int = -1) -> np.ndarray:
+    """Metres by which the wrist's detections move, if keyframes put it where it is; every second is off by `wrong`."""
+    points, axes = turning()
+    xy, confidence = np.zeros((FRAMES, COUNT, 2)), np.zeros((FRAMES, COUNT))
+    xy[:, BODY], confidence[:, BODY] = 300 + SCALE * points[..., :2], 0.9
+    if seen is not None:
+        confidence[~seen] = 0
+    off = SCALE * (axes @ LASTING)[:, :2]
+    shifts = {frame: tuple((off[frame] + SCALE * wrong * (i % 2)).tolist()) for i, frame in enumerate(frames)}
+    kept = KeptOffset(keypoint=WRIST, frames=WHOLE, depths={}, shifts=shifts)
+    placed = np.zeros(confidence.shape, bool)
+    placed[by_hand, WRIST] = by_hand >= 0
+    moved = kept_places(Keypoints(xy=xy, confidence=confidence, by_hand=placed, kept=(kept,)), points)
+    assert not np.delete(moved, WRIST, 1).any()
+    return moved[:, WRIST] / SCALE
+
+
+def test_places_from_all_sides_find_the_offset_that_turns_with_the_body():
+    true = (turning()[1] @ LASTING)[:, :2]
+    found = moved_places(*range(0, FRAMES, 4))
+    np.testing.assert_allclose(found, true, atol=0.3 * float(np.linalg.norm(LASTING)))
+    one = moved_places(0)
+    assert 0.1 < np.linalg.norm(one[0]) / np.linalg.norm(true[0]) < 0.4, "one frame may be off itself"
+
+
+def test_a_detection_that_is_far_off_tells_nothing_of_other_frames():
+    np.testing.assert_array_equal(moved_places(0, 40, wrong=0.5), moved_places(0))
+    assert not moved_places().any()
+
+
+def test_placed_keypoints_stay_and_frames_without_detections_tell_nothing():
+    assert not moved_places(0, 40, by_hand=40)[40].any() and moved_places(0, 40, by_hand=40)[41].any()
+    seen = np.arange(FRAMES) != 40
+    np.testing.assert_array_equal(moved_places(0, 40, seen=seen)[seen], moved_places(0)[seen])
