@@ -236,28 +236,24 @@ def read_footage(video: Path, *, clip: ClipOptions = ClipOptions(), camera: Came
     return shot.clip(nothing, seen, entries=(None,) * count, of_person=(), of_places=(), of_camera=of_camera)
 
 
-def read_keypoints(
-    path: StrPath, clip: Clip, *, person: int | None = None, keypoint_scale: str = "auto"
-) -> tuple[Keypoints, tuple[str, ...], str]:
+def read_keypoints(path: StrPath, clip: Clip) -> tuple[Keypoints, tuple[str, ...], str]:
     """Keypoints for the frames of a known clip, notes on how they were read, and their detector.
 
     Args:
         path: Any format of fitting_core.io.READERS.
         clip: Its frames and its image size.
-        person: As of `read_clip`.
-        keypoint_scale: As of `read_clip`.
 
     Raises:
         InputError: As of `read_clip`.
     """
     path = Path(path)
     detections = read_detections(path)
-    detections, scale_notes = to_pixels(detections, clip.camera.size, keypoint_scale=keypoint_scale)
+    detections, scale_notes = to_pixels(detections, clip.camera.size)
     timeline = Footage.of(clip.source).timeline or _timeline_around(clip, detections)
     part = chosen(timeline, clip.first_frame, clip.first_frame + len(clip) - 1)
     aligned, notes = align(detections, timeline)
     first = timeline.numbers[part.start]
-    found = choose_person(aligned[part], person=person, first_frame=first, frame_rate=clip.frame_rate)
+    found = choose_person(aligned[part], first_frame=first, frame_rate=clip.frame_rate)
     of_person = (found.note,) if found.note else ()
     straight, of_lens = straightened_keypoints(found.keypoints, clip.camera.lens)
     of_places = check_inside(found.keypoints, clip.camera.size)

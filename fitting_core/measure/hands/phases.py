@@ -7,7 +7,6 @@ base" (1989), and a position shows rest. Only these three are distinguished.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -21,23 +20,17 @@ from fitting_core.measure.hands.spans import Span, spans_of, without_short
 REST, MOVEMENT, HOLD = ("rest", "movement", "hold")
 
 
-@dataclass(frozen=True, kw_only=True)
-class PhaseRule:
-    """What counts as movement, and what as rest. `evaluation/RESULTS/hands.md` has what the values give."""
-
-    fast: float = 0.25
-    """Metres per second: a movement reaches it somewhere."""
-    slow: float = 0.14
-    """Metres per second: a movement lasts as long as the wrist is faster. One value alone would make ten movements of
-    a speed that wavers about it."""
-    movement: float = 0.08
-    """Seconds: anything shorter does not count as a movement."""
-    hold: float = 0.10
-    """Seconds: shorter stops between two movements are part of them, such as where a movement turns back."""
-    low: float = 0.3
-    """An unmoved hand rests if its wrist is lower than this share of the way from the hips up to the neck."""
-    blur: float = 0.02
-    """Seconds: standard deviation of the Gaussian by which the path is smoothed before it is derived."""
+_FAST, _SLOW = 0.25, 0.14
+"""Metres per second: a movement reaches the first somewhere, and lasts as long as the wrist is faster than the second.
+One value alone would make ten movements of a speed that wavers about it. `evaluation/RESULTS/hands.md` has what these
+values give."""
+_MOVEMENT, _HOLD = 0.08, 0.10
+"""Seconds: anything shorter does not count as a movement, and shorter stops between two movements are part of them,
+such as where a movement turns back."""
+_LOW = 0.3
+"""An unmoved hand rests if its wrist is lower than this share of the way from the hips up to the neck."""
+_BLUR = 0.02
+"""Seconds: standard deviation of the Gaussian by which the path is smoothed before it is derived."""
 
 
 def wrist_in_chest(joints: Float[np.ndarray, "T 55 3"], side: Side) -> Float[np.ndarray, "T 3"]:
@@ -64,7 +57,7 @@ def wrist_speed(
         joints: Kinematic joints in any space, metres.
         side: Of the hand.
         frame_rate: Frames per second.
-        blur: See `PhaseRule`.
+        blur: Seconds: standard deviation of the Gaussian by which the path is smoothed before.
     """
     path = wrist_in_chest(joints, side)
     if len(path) < 2:
@@ -81,35 +74,32 @@ def wrist_height(joints: Float[np.ndarray, "T 55 3"], side: Side) -> Float[np.nd
     return ((joints[:, JOINT[f"{side}_wrist"]] - hips) * trunk).sum(1) / (trunk**2).sum(1)
 
 
-def hand_phases(
-    joints: Float[np.ndarray, "T 55 3"], side: Side, frame_rate: float, rule: PhaseRule = PhaseRule()
-) -> list[Span]:
+def hand_phases(joints: Float[np.ndarray, "T 55 3"], side: Side, frame_rate: float) -> list[Span]:
     """What a hand does: every frame is in one span, which is called "movement", "hold" or "rest".
 
     Args:
         joints: Kinematic joints of all frames in any space, metres.
         side: Of the hand.
         frame_rate: Frames per second.
-        rule: What counts as what.
     """
-    speed = wrist_speed(joints, side, frame_rate, blur=rule.blur)
-    moving = _moving(speed, rule, frame_rate)
+    speed = wrist_speed(joints, side, frame_rate, blur=_BLUR)
+    moving = _moving(speed, frame_rate)
     height = wrist_height(joints, side)
     found = []
     for span in spans_of([MOVEMENT if moves else HOLD for moves in moving]):
-        rests = span.label == HOLD and np.median(height[span.frames]) < rule.low
+        rests = span.label == HOLD and np.median(height[span.frames]) < _LOW
         found.append(Span(frames=span.frames, label=REST if rests else span.label))
     return found
 
 
-def _moving(speed: Float[np.ndarray, "T"], rule: PhaseRule, frame_rate: float) -> Bool[np.ndarray, "T"]:
-    """Hysteresis: frames above `slow` in a stretch that reaches `fast`; short stretches are dropped."""
-    faster = speed > rule.slow
+def _moving(speed: Float[np.ndarray, "T"], frame_rate: float) -> Bool[np.ndarray, "T"]:
+    """Hysteresis: frames above _SLOW in a stretch that reaches _FAST; short stretches are dropped."""
+    faster = speed > _SLOW
     reached = np.zeros(len(speed), bool)
     for run in runs_where(faster):
-        reached[run] = speed[run].max() >= rule.fast
-    still = without_short(~reached, math.ceil(rule.hold * frame_rate))
+        reached[run] = speed[run].max() >= _FAST
+    still = without_short(~reached, math.ceil(_HOLD * frame_rate))
     for run in runs_where(~reached):
         # A stop at the clip's first or last frame continues outside the clip.
         still[run] |= run.start == 0 or run.stop == len(still)
-    return without_short(~still, math.ceil(rule.movement * frame_rate))
+    return without_short(~still, math.ceil(_MOVEMENT * frame_rate))

@@ -10,7 +10,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.camera import path_of
 from fitting_core.ground.level import Level
 from fitting_core.ground.level import upright as make_upright
-from fitting_core.io.motion.glb import write_glb, write_people_glb
+from fitting_core.io.motion.glb import write_people_glb
 from fitting_core.motion import Motion
 from tests.fitting_core.io.motion.gltf_player import Player
 from tests.fitting_core.io.motion.motions import meshes, swinging
@@ -70,9 +70,3 @@ def test_a_camera_that_moves_goes_on_while_anybody_is_there(people: list[Motion]
         for t in (0, len(motion) - 1):
             shown = player.values(2, "translation", (motion.first_frame + t - 12) / rate)
             assert np.allclose(shown, places[t], atol=1e-6)
-
-
-def test_one_alone_is_as_write_glb_has_them(people: list[Motion], tmp_path: Path):
-    write_glb(tmp_path / "a.glb", people[0])
-    write_people_glb(tmp_path / "b.glb", people[:1], name=people[0].name)
-    assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()
