@@ -163,7 +163,8 @@ class Stages:
         observations = Observations.of(
             keypoints, camera, config, detector=detector, dtype=fitted.dtype, device=fitted.device
         )
-        lifter = lifter or LifterEvidence(observations.keypoints, camera, frame_rate)
+        up = None if located is None else located.up
+        lifter = lifter or LifterEvidence(observations.keypoints, camera, frame_rate, up)
         if any(config.weights.relative_position):
             observations = observations.lifted(lifter.lifted, size=size)
             observations = observations if located is None else observations.viewed(located, size=size)

@@ -70,6 +70,8 @@ class PointsInSpace:
     """Metres; infinite where unknown."""
     outvoted: Bool[np.ndarray, "T 137"]
     """Detections of the first view that do not count: another view disagrees and is surer."""
+    up: Float[np.ndarray, "T 3"]
+    """Against gravity, as `LiftedClip.up`: of the lifter in all views."""
 
 
 UNSURE = 0.25
@@ -310,10 +312,13 @@ class LifterEvidence:
         keypoints: of the clip, unswapped.
         camera: of the clip.
         frame_rate: frames per second.
+        up: in place of the lifter's own; None: its own.
     """
 
-    def __init__(self, keypoints: Keypoints, camera: Camera, frame_rate: float) -> None:
-        self.keypoints, self.camera, self.frame_rate = keypoints, camera, frame_rate
+    def __init__(
+        self, keypoints: Keypoints, camera: Camera, frame_rate: float, up: Float[np.ndarray, "T 3"] | None = None
+    ) -> None:
+        self.keypoints, self.camera, self.frame_rate, self.up = keypoints, camera, frame_rate, up
 
     @cached_property
     def confidence(self) -> Float[np.ndarray, "T 137"]:
@@ -323,7 +328,8 @@ class LifterEvidence:
     @cached_property
     def lifted(self) -> LiftedClip:
         """Positions, up direction and contacts."""
-        return lifted_keypoints(self.keypoints, self.camera, self.frame_rate)
+        lifted = lifted_keypoints(self.keypoints, self.camera, self.frame_rate)
+        return lifted if self.up is None else replace(lifted, up=self.up)
 
     @cached_property
     def rolled(self) -> list[RolledView]:

@@ -12,7 +12,6 @@ from fitting_core.fit.evidence.observations import PointsInSpace
 from fitting_core.fit.views.track import Track
 from fitting_core.keypoint_noise import DETECTOR_TITLES, OPENPOSE, noise_deviations
 from fitting_core.metrics import similarity
-from fitting_core.relation import Relation
 
 _WIDENED = 1.5
 """Factor on the deviations, whose errors last over frames: a keypoint then weighs as much in depth as its detection
@@ -35,22 +34,27 @@ def points_in_space(clip: Clip) -> PointsInSpace:
     """Keypoints of a clip with other views that are related to it."""
     first = Track(clip)
     mine = _Seen(np.zeros(3), *first.at(first.times), _noise(clip))
-    others = list[_Seen]()
+    others, bodies = list[_Seen](), [(first.lifted.points, first.lifted.up)]
     lifted, spread = np.zeros((len(clip), _BODY, 3)), np.full((len(clip), _BODY, 3), np.inf)
     for view in clip.views:
         relation, other = view.relation, _track(view)
         assert relation is not None, "views of a clip are related to it"
-        rays, confidence, placed = other.at(first.times + relation.offset)
+        times = first.times + relation.offset
+        rays, confidence, placed = other.at(times)
         place = -relation.shift @ relation.turn
         others.append(_Seen(place, rays @ relation.turn, confidence, placed, _noise(view.clip)))
         shown = confidence[:, :_BODY] > 0
-        lifted[shown], spread[shown] = (found[shown] for found in _lifted(other, relation, first.times))
+        body, depth = other.lifted_at(times)
+        variance = np.stack([np.full_like(depth, _ACROSS**2)] * 2 + [depth**2], -1)
+        lifted[shown], spread[shown] = (body @ relation.turn)[shown], np.sqrt(variance @ relation.turn**2)[shown]
+        bodies.append((body @ relation.turn, other.lifted.up[other.nearest(times)] @ relation.turn))
     points, deviation = _triangulated([mine, *others])
     outvoted = (mine.confidence > 0) & ~np.isfinite(deviation[..., 2]) & ~mine.placed
     outvoted &= np.any([other.placed | (other.confidence > mine.confidence + _SURER) for other in others], axis=0)
     if outvoted.any():
         mine = replace(mine, confidence=np.where(outvoted, 0.0, mine.confidence))
         points, deviation = _triangulated([mine, *others])
+    up = np.mean([_carried(up, body, points, deviation) for body, up in bodies], axis=0)
     pelvis = _pelvis(points, deviation, first)
     deviation = np.where(np.isfinite(pelvis)[:, None], deviation, np.inf)
     points = np.where(np.isfinite(deviation), points - np.nan_to_num(pelvis)[:, None], 0.0)
@@ -60,7 +64,7 @@ def points_in_space(clip: Clip) -> PointsInSpace:
     alone = (mine.confidence[:, :_BODY] == 0)[..., None] & ~np.isfinite(deviation[:, :_BODY])
     points[:, :_BODY] = np.where(alone, lifted, points[:, :_BODY])
     deviation[:, :_BODY] = np.where(alone, spread, deviation[:, :_BODY])
-    return PointsInSpace(points=points, deviation=deviation, outvoted=outvoted)
+    return PointsInSpace(points=points, deviation=deviation, outvoted=outvoted, up=up)
 
 
 @lru_cache(maxsize=4)  # views stay the same while the first clip is corrected
@@ -82,15 +86,6 @@ class _Seen:
 
 def _noise(clip: Clip) -> Float[np.ndarray, "137"]:
     return noise_deviations(clip.detector if clip.detector in DETECTOR_TITLES else OPENPOSE) / 1e3
-
-
-def _lifted(
-    other: Track, relation: Relation, times: Float[np.ndarray, "T"]
-) -> tuple[Float[np.ndarray, "T 25 3"], Float[np.ndarray, "T 25 3"]]:
-    """The lifter's points of another view and their deviations, in the first camera's axes."""
-    points, depth = other.lifted_at(times + relation.offset)
-    variance = np.stack([np.full_like(depth, _ACROSS**2)] * 2 + [depth**2], -1)
-    return points @ relation.turn, np.sqrt(variance @ relation.turn**2)
 
 
 def _triangulated(views: list[_Seen]) -> tuple[Float[np.ndarray, "T 137 3"], Float[np.ndarray, "T 137 3"]]:
@@ -118,6 +113,24 @@ def _triangulated(views: list[_Seen]) -> tuple[Float[np.ndarray, "T 137 3"], Flo
         good &= (view.confidence == 0) | (apart < _MOST_APART)
     deviation = _WIDENED * np.sqrt(np.diagonal(covariance, axis1=2, axis2=3))
     return points, np.where(good[..., None], deviation, np.inf)
+
+
+def _carried(
+    up: Float[np.ndarray, "T 3"],
+    body: Float[np.ndarray, "T 25 3"],
+    points: Float[np.ndarray, "T 137 3"],
+    deviation: Float[np.ndarray, "T 137 3"],
+) -> Float[np.ndarray, "T 3"]:
+    """The lifter's up direction, turned with its body onto the located points.
+
+    The lifter judges it by how the body stands, so that a body that leans too far back in depth takes it along.
+    """
+    carried = up.copy()
+    for part in (_TORSO, kp.LIMBS):
+        known = np.asarray(np.isfinite(deviation[:, part]).all((1, 2)))
+        turn = similarity(body[known][:, part], points[known][:, part], scaled=False).rotation
+        carried[known] = (turn @ up[known, :, None])[..., 0]
+    return carried
 
 
 def _pelvis(

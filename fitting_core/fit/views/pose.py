@@ -126,7 +126,8 @@ class PairOfRays:
         self.times = first.times[shown]
         self.rays, self.weights = first.smoothed_at(self.times)
         self.points, self.spread = first.lifted_at(self.times)
-        moved = other.pelvis_at(self.times + offset) - first.pelvis_at(self.times) @ rotation.T
+        there, here = other.nearest(self.times + offset), first.nearest(self.times)
+        moved = other.pelvis[there] - first.pelvis[here] @ rotation.T
         way = np.median(moved, axis=0) if len(moved) else np.array([1.0, 0.0, 0.0])
         self.distance = max(float(np.linalg.norm(way)), 1e-9)
         self.direction = way / self.distance

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from fitting_core import keypoints as kp
 from fitting_core.clip import Clip
@@ -61,10 +61,10 @@ class Track:
         rays = self.rays[:, :_BODY, :2] / self.rays[:, :_BODY, 2:]
         return place_on_rays(self.lifted.points, rays, self.confidence[:, :_BODY])[0]
 
-    def pelvis_at(self, times: Float[np.ndarray, "S"]) -> Float[np.ndarray, "S 3"]:
-        """`pelvis` at the nearest frame."""
+    def nearest(self, times: Float[np.ndarray, "S"]) -> Int[np.ndarray, "S"]:
+        """The nearest frames."""
         i, share, _ = self._between(times)
-        return self.pelvis[i + (share > 0.5)]
+        return i + (share > 0.5)
 
     @cached_property
     def distance(self) -> float:

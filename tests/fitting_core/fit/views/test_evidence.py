@@ -14,6 +14,7 @@ from fitting_core.config.schema import PRESETS
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.views.evidence import points_in_space
+from fitting_core.ground.gravity import angles_to
 from fitting_core.measure.limbs import limb_pa_mpjpe
 from fitting_core.relation import Relation
 from tests.samples.two_views import camera_at, motion, seen_from, without
@@ -82,6 +83,13 @@ def test_an_unsure_rotation_widens_deviations_with_the_distance_from_the_pelvis(
     away = np.linalg.norm(before.points, axis=-1)[there][:, None]
     more = np.square(after.deviation[there]) - np.square(before.deviation[there])
     assert more == pytest.approx(np.repeat(np.radians(10) ** 2 * away**2, 3, axis=1))
+
+
+def test_up_is_nearer_to_the_truth_than_the_lifter_has_it(free_body: BodyModel) -> None:
+    clip, up = pair(), camera_at(AZIMUTHS[0]).rotation @ [0.0, 1.0, 0.0]
+    lifters = [Stages.of_clip(c, free_body, PRESETS["tcfit"]).lifter for c in (replace(clip, views=()), clip)]
+    alone, both = (angles_to(one.lifted.up.mean(0), up) for one in lifters)
+    assert both < 0.7 * alone
 
 
 def test_frames_without_a_second_view_are_left_to_the_lifter() -> None:
