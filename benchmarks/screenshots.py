@@ -306,7 +306,7 @@ def documentation(review: Reviewing) -> Iterator[str]:
     review.press("i", lambda: review.session.project.corrected.edited[58:65].any())
     settle(review)
     until(lambda: errors_of_body(review)[60] < 6, "the curve of the corrected fit")
-    until(lambda: review.page.tab.data.suspects(cast(Shown, review.page.tab.shown.b)), "that fit's queue")
+    until(lambda: review.page.tab.data.queue(cast(Shown, review.page.tab.shown.b)), "that fit's queue")
     settle(review)
     yield "corrected"
     review.press("Control+z", lambda: not review.session.project.corrected.edited.any())

@@ -116,7 +116,7 @@ class Page:
         self.tab = tab
         self.gestures = Gestures(self.tab)
         self.picture = Picture(self.tab, self.gestures.turning.rings)
-        self.timeline, self.bar, self.header = Timeline(self.tab), Bar(self.gestures), Header(self.gestures)
+        self.timeline, self.bar, self.header = Timeline(self.gestures), Bar(self.gestures), Header(self.gestures)
         self._key_window = KeyWindow(self.gestures)
         self._attempt = Faults(lambda notice: self.tab.notify(notice)).attempt
         self._followed: int | None = None

@@ -14,8 +14,8 @@ from tcfit_app.project.edits.edit_log import Note
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.page_states import FitSpan, spans
 from tcfit_app.review.drawing.rows import CHOICES, Rows, with_plot
+from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.tab.on_show import SLOTS
-from tcfit_app.review.tab.tab import Tab
 
 _MIXED_UP = 3.0
 """Score of frames in which a person may be someone else: like the worst findings."""
@@ -26,11 +26,9 @@ _NOTE_CHARACTERS = 160
 class Timeline:
     """Draws one tab's timeline; called repeatedly, it sends only changes."""
 
-    def __init__(self, tab: Tab) -> None:
-        self._tab = tab
-        self._rows = Rows(tab)
-        self._suspects: tuple[Suspect, ...] = ()
-        """Of the last queue."""
+    def __init__(self, gestures: Gestures) -> None:
+        self._tab, self._reviewing = gestures.tab, gestures.reviewing
+        self._rows = Rows(gestures.tab)
 
     def plot(self, name: str, *, shown: bool) -> None:
         """Add or remove a row of PLOTS. Raises InputError if there are too many."""
@@ -84,19 +82,16 @@ class Timeline:
         return keyframes(frames[chosen], joints)
 
     def _draw_suspicions(self) -> None:
-        tab, shown = self._tab, self._tab.shown.b
-        found = () if shown is None else tab.data.suspects(shown)
-        if found is not None:
-            self._suspects = found
-        looking = shown is not None and found is None and not tab.data.problem("suspects", shown)
-        key = self._suspects, tab.someone.uncertain, looking
-        tab.channel.send("suspicions", tab.once("suspicions", key, lambda: self._suspicions(looking=looking)))
+        tab, queue, looking = self._tab, self._reviewing.queue, self._reviewing.looking
+        suspects, uncertain = () if queue is None else queue.left, tab.someone.uncertain
 
-    def _suspicions(self, *, looking: bool) -> states.Suspicions:
-        tab = self._tab
-        mixed = (_mixed_up(span, tab.first_frame, tab.length) for span in tab.someone.uncertain)
-        found = [*suspicions(self._suspects).found, *(one for one in mixed if one)]
-        return states.Suspicions(found=tuple(sorted(found, key=lambda one: (one.first, one.frame))), looking=looking)
+        def made() -> states.Suspicions:
+            mixed = (_mixed_up(span, tab.first_frame, tab.length) for span in uncertain)
+            found = [*map(_suspicion, suspects), *(one for one in mixed if one)]
+            in_order = sorted(found, key=lambda one: (one.first, one.frame))
+            return states.Suspicions(found=tuple(in_order), looking=looking)
+
+        tab.channel.send("suspicions", tab.once("suspicions", (suspects, uncertain, looking), made))
 
     def _draw_provenance(self) -> None:
         tab = self._tab
@@ -152,20 +147,16 @@ def keyframes(frames: Iterable[int], joints: tuple[int, ...]) -> states.Keyframe
     return states.Keyframes(frames=tuple(int(frame) for frame in frames), subject=subject)
 
 
-def suspicions(suspects: Iterable[Suspect]) -> states.Suspicions:
-    """The review queue for the timeline."""
-    found = (
-        states.Suspicion(
-            first=suspect.frames[0],
-            last=suspect.frames[-1],
-            frame=suspect.frame,
-            key=suspect.key,
-            score=round(suspect.score, 2),
-            reason=suspect.reason,
-        )
-        for suspect in sorted(suspects, key=lambda suspect: suspect.frame)
+def _suspicion(suspect: Suspect) -> states.Suspicion:
+    """An entry of the review queue for the timeline."""
+    return states.Suspicion(
+        first=suspect.frames[0],
+        last=suspect.frames[-1],
+        frame=suspect.frame,
+        key=suspect.key,
+        score=round(suspect.score, 2),
+        reason=suspect.reason,
     )
-    return states.Suspicions(found=tuple(found))
 
 
 def fit_spans(job: RunningJob, frames: range) -> list[FitSpan]:

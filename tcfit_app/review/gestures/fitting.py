@@ -82,7 +82,10 @@ class Fitting:
 
     def frames(self) -> None:
         """Refit the selected frames of B. Raises InputError as `everything`, and if none are selected."""
-        self._rerun((self.selected_frames(),))
+        before, frames = self.base(), self.selected_frames()
+        run = self._tab.session.rerun_frames(before, self._checked().config, (frames,))
+        self._show_beside(before, FitChoice(run=run.id))
+        self._tab.say("Fit the selected frames: started")
 
     def selected_frames(self) -> range:
         """The frames selected in the timeline. Raises InputError without a selection."""
@@ -105,12 +108,6 @@ class Fitting:
         else:
             self._check_paths(settings.given)
             self._read(session.reading_shape(settings.given, before), begin)
-
-    def _rerun(self, windows: tuple[range, ...]) -> None:
-        before = self.base()
-        run = self._tab.session.rerun_frames(before, self._checked().config, windows)
-        self._show_beside(before, FitChoice(run=run.id))
-        self._tab.say("Fit the selected frames: started")
 
     def _show_beside(self, before: Shown | None, b: FitChoice) -> None:
         """Show the new run as B and the previous B as A, so that the change is visible."""

@@ -39,6 +39,15 @@ class Reviewing:
         return self._queue
 
     @property
+    def looking(self) -> bool:
+        """Whether a newer queue is being computed, or will be once the fit has followed an edit."""
+        shown, data = self._tab.shown.b, self._tab.data
+        if shown is None:
+            return False
+        missing = data.queue(shown) is None and not data.problem("suspects", shown)
+        return missing or self._tab.session.edit_follower.lags
+
+    @property
     def suspects(self) -> tuple[Suspect, ...] | None:
         """The entries of the kind that the tab shows, worst first; None as above."""
         queue, kind = self.queue, self._tab.state.queue_kind

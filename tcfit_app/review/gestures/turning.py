@@ -20,18 +20,26 @@ _STILL = 1e-3
 """Radians: rings that were turned by less were only clicked."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Joint:
+    """The joint with rings."""
+
+    joint: int
+    """The keypoint that stands for it (see LOCKABLE)."""
+    fit: Shown
+    body: BodyModel
+    params: BodyParams
+    """Of the frame on show, as drawn."""
+
+
 @dataclass(kw_only=True, eq=False)
 class _Held:
     """A joint whose rings the user holds."""
 
+    held: _Joint
     frame: int
     frames: tuple[int, ...]
     """In which it will be locked."""
-    joint: int
-    """The keypoint that stands for it (see LOCKABLE)."""
-    shown: Shown
-    params: BodyParams
-    """Of the frame."""
     parent: Rotation
     """How its parent is turned in camera space."""
     before: Rotation
@@ -59,7 +67,7 @@ class Turning:
         i, j, k, w = _turned(body, params, joint).as_quat().tolist()
         return Rings(position=(x, y, z), wxyz=(w, i, j, k))
 
-    def _joint(self, on_show: OnShow) -> "_Joint | None":
+    def _joint(self, on_show: OnShow) -> _Joint | None:
         tab, there = self._tab, on_show.body("b")
         chosen, project = tab.state.selection, tab.session.project
         wanted = tab.state.mode == "space" and tab.state.bodies and not tab.state.playing and len(chosen) == 1
@@ -86,7 +94,7 @@ class Turning:
             self._held = None
             if moved:
                 a, b, c = np.round(held.turn.as_rotvec(), 5).tolist()
-                self._correcting.make(Lock(frames=held.frames, joints=(held.joint,), turn=((a, b, c),)))
+                self._correcting.make(Lock(frames=held.frames, joints=(held.held.joint,), turn=((a, b, c),)))
 
     def _begin(self) -> None:
         tab, self._held = self._tab, None
@@ -100,21 +108,20 @@ class Turning:
         parent = _turned(found.body, found.params, int(found.body.parents[joint]))
         turn = parent.inv() * _turned(found.body, found.params, joint)
         self._held = _Held(
+            held=found,
             frame=on_show.frame,
             frames=tab.frames_to_change,
-            joint=found.joint,
-            shown=found.fit,
-            params=found.params,
             parent=parent,
             before=turn,
             turn=turn,
         )
 
     def _preview(self, held: _Held) -> None:
-        pose, place = held.params.body_pose.clone(), 3 * (JOINT[LOCKABLE[held.joint]] - JOINT["left_hip"])
+        joint, pose = held.held, held.held.params.body_pose.clone()
+        place = 3 * (JOINT[LOCKABLE[joint.joint]] - JOINT["left_hip"])
         pose[0, place : place + 3] = pose.new_tensor(held.turn.as_rotvec())
-        params = replace(held.params, body_pose=pose)
-        self._tab.session.edit_follower.preview(self._number, held.shown.run, held.frame, params)
+        params = replace(joint.params, body_pose=pose)
+        self._tab.session.edit_follower.preview(self._number, joint.fit.run, held.frame, params)
         self._previews = True
 
     @property
@@ -133,18 +140,6 @@ class Turning:
         if self._previews:
             self._tab.session.edit_follower.end_preview(self._number)
         self._previews = False
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Joint:
-    """The joint with rings."""
-
-    joint: int
-    """The keypoint that stands for it."""
-    fit: Shown
-    body: BodyModel
-    params: BodyParams
-    """Of the frame on show, as drawn."""
 
 
 def _turned(body: BodyModel, params: BodyParams, joint: int) -> Rotation:

@@ -120,9 +120,8 @@ class ReviewPanel:
         fewer = _FEWER if tab.someone.others or self._video_problem else _CARDS
         most = _MOST if self._all else fewer
         start = 0 if here is None else max(0, listed.index(here) + 1 - most)
-        again = tab.session.edit_follower.lags or tab.data.queue(shown) is None
         cards = (self._card(one, here=one is here) for one in listed[start : start + most])
-        parts = [_heading(found, again=again), *self._buttons(), *cards]
+        parts = [_heading(found, again=self._gestures.reviewing.looking), *self._buttons(), *cards]
         if kind := tab.state.queue_kind:
             parts.append(paragraph(f"{_KINDS.get(kind, kind)} only: {len(listed)} of {len(found.left)}", "dim"))
         more = len(listed) - most

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from fitting_core.camera import Camera
-from fitting_core.clip import Clip
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
 from fitting_core.io.cameras.reading import CameraFile, read_camera
@@ -186,10 +185,6 @@ class Session:
 
     # --- fits ---
 
-    def clip_of(self, camera: Camera) -> Clip:
-        """The clip with its current keypoints, and a run's camera."""
-        return self.project.clip_by(camera)
-
     def fit_everything(
         self, config: FitConfig, *, kind: str, gender: str, camera: Camera | None = None, known: KnownInputs = NOTHING
     ) -> Run:
@@ -205,7 +200,7 @@ class Session:
         self.refuse_without_keypoints()
         body = self.bodies.find(kind=kind, gender=gender)
         job = FitEverything(
-            clip=self.clip_of(camera or self.project.footage.camera),
+            clip=self.project.clip_by(camera or self.project.footage.camera),
             body=body,
             config=config,
             begun_with=known.start,
@@ -235,7 +230,7 @@ class Session:
         observed = frames.observed.copy()
         observed[list(self.project.frames_edited_since(run.edits_seen))] = False
         job = FitEverything(
-            clip=self.clip_of(frames.camera),
+            clip=self.project.clip_by(frames.camera),
             body=self.bodies.of(run.body),
             config=run.config,
             begun_with=frames.start,
@@ -285,12 +280,15 @@ class Session:
         """A function that reads a start and a shape for a whole fit with that body and camera, for another thread.
         Raises InputError if the body model is missing, or nothing can be fitted. It raises as `read_given`."""
         self.refuse_without_keypoints()
-        body, clip = self.bodies.find(kind=kind, gender=gender), self.clip_of(camera or self.project.footage.camera)
+        body, clip = (
+            self.bodies.find(kind=kind, gender=gender),
+            self.project.clip_by(camera or self.project.footage.camera),
+        )
         return lambda: read_given(given, self.project, clip, body, self.bodies)
 
     def reading_shape(self, given: Given, shown: Shown) -> Callable[[], KnownInputs]:
         """The same for a shape with which a run is refitted."""
-        body, clip, only = self.bodies.of(shown.run.body), self.clip_of(shown.camera), Given(shape=given.shape)
+        body, clip, only = self.bodies.of(shown.run.body), self.project.clip_by(shown.camera), Given(shape=given.shape)
         return lambda: read_given(only, self.project, clip, body, self.bodies)
 
     def set_camera(self, file: CameraFile, *, sent_as: str = "") -> Camera:
@@ -338,14 +336,18 @@ class Session:
                 "the shape again for all frames, then fit frames of that fit."
             )
         body = self.bodies.of(shown.run.body)
-        job = RerunFrames(clip=self.clip_of(start.camera), body=body, config=config, start=start, windows=windows)
+        job = RerunFrames(
+            clip=self.project.clip_by(start.camera), body=body, config=config, start=start, windows=windows
+        )
         return self._submit(job, kind="frames", start=shown, windows=windows)
 
     def rerun_shape(self, shown: Shown, config: FitConfig, *, known: KnownInputs = NOTHING) -> Run:
         """Submit phases 2 and 3 again, as a new run, with any known shape. Raises InputError as `fit_everything`."""
         start = self._start_of(shown)
         body = self.bodies.of(shown.run.body)
-        job = FitShape(clip=self.clip_of(start.camera), body=body, config=config, start=start, shape=known.shape)
+        job = FitShape(
+            clip=self.project.clip_by(start.camera), body=body, config=config, start=start, shape=known.shape
+        )
         return self._submit(job, kind="shape", start=shown, given=known.given)
 
     def _start_of(self, shown: Shown) -> FitResult:

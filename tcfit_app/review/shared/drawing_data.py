@@ -29,7 +29,7 @@ from tcfit_app.analysis.run_metrics import (
     run_metrics,
 )
 from tcfit_app.analysis.seen import evident, seen_joints
-from tcfit_app.analysis.suspicion import ReviewQueue, Suspect, findings, review_queue, still_checked, worst_place
+from tcfit_app.analysis.suspicion import ReviewQueue, findings, review_queue, still_checked, worst_place
 from tcfit_app.analysis.view_scale import scale_of
 from tcfit_app.fitting.edit_follower import LiveWindow
 from tcfit_app.fitting.fits import FitChoice, Fits, Shown, own_phases
@@ -315,11 +315,6 @@ class DrawingData:
             return None
         key = "between", a.version, b.version
         return self._made(key, b, lambda other: between_runs(one(), other))
-
-    def suspects(self, shown: Shown) -> tuple[Suspect, ...] | None:
-        """The rest of a run's review queue; None while it is computed."""
-        found = self.queue(shown)
-        return None if found is None else found.left
 
     def queue(self, shown: Shown) -> ReviewQueue | None:
         """The review queue of a run; None while it is computed."""

@@ -306,7 +306,7 @@ def test_an_imported_run_is_compared_and_searched_like_any_other(
         figures = {figure.name: figure.value for figure in tested.page.tab.data.metrics(shown) or ()}
         assert figures["seconds"] is None and "theirs" in tested.html()
         assert "Something went wrong" not in str(tested.notices)
-        tested.until(lambda: tested.page.tab.data.suspects(shown) is not None)
+        tested.until(lambda: tested.page.tab.data.queue(shown) is not None)
 
 
 # --- learned systems ---

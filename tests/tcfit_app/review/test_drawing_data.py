@@ -61,11 +61,11 @@ def test_frames_that_looked_fine_are_looked_at_again_after_another_fit(
     monkeypatch.setattr(drawing_data_module, "review_queue", queue)
     session, first = data.session, newest(data.session)
     session.project.marks.set([2, 5], "checked", author="me")
-    until(session, lambda: data.suspects(first) is not None)
+    until(session, lambda: data.queue(first) is not None)
     session.rerun_frames(first, replace(QUICK, last_phase=3), (range(4, 7),))
     idle(session)
-    until(session, lambda: data.suspects(newest(session)) is not None)
-    until(session, lambda: data.suspects(first) is not None)
+    until(session, lambda: data.queue(newest(session)) is not None)
+    until(session, lambda: data.queue(first) is not None)
     assert fine == [{2, 5}, {2}]
 
 
@@ -74,7 +74,7 @@ def test_what_is_there_is_not_made_again(data: DrawingData, monkeypatch: pytest.
     session, shown = data.session, newest(data.session)
     draws = {
         "curve": lambda: data.curves(("reprojection",), shown),
-        "queue": lambda: data.suspects(shown),
+        "queue": lambda: data.queue(shown),
         "figures": lambda: data.metrics(shown),
         "room": lambda: data.room(shown, shown),
         "between": lambda: data.between(shown, shown),
@@ -101,7 +101,7 @@ def test_the_room_of_a_running_fit_follows_the_body_in_depth(data: DrawingData):
 def test_nothing_waits_for_the_first_body(data: DrawingData):
     shown = newest(data.session)
     data.warming = True
-    assert data.curves(("reprojection",), shown) is None and data.suspects(shown) is None
+    assert data.curves(("reprojection",), shown) is None and data.queue(shown) is None
     assert data.problem("suspects", shown) == "" and data.problem("metrics", shown) == ""
     data.warm_up()
     until(data.session, lambda: not data.warming)

@@ -180,7 +180,9 @@ def test_a_released_drag_is_saved_and_its_fit_becomes_the_corrections(
     assert after.run.edits_seen == 1 and session.edits_since(after.run) == 0 and session.edits_since(before.run) == 1
     assert torch.equal(after.params.body_pose[0], before.params.body_pose[0])
     assert not torch.equal(after.params.body_pose[4], before.params.body_pose[4])
-    costs = evaluate_objective(session.clip_of(after.camera), tiny_body, after.run.config, after.params).frame_cost
+    costs = evaluate_objective(
+        session.project.clip_by(after.camera), tiny_body, after.run.config, after.params
+    ).frame_cost
     assert after.result is not None
     np.testing.assert_allclose(after.result.frame_cost[1:], costs[1:])
     drag(session, after, -10.0)
@@ -194,7 +196,7 @@ def test_a_released_drag_is_saved_and_its_fit_becomes_the_corrections(
             and copy.runs.get(again.run.id).edits_seen == 2
         )
     whole = grounding_of_params(
-        Stages.of_clip(session.clip_of(again.camera), tiny_body, stored.config), stored.last.params
+        Stages.of_clip(session.project.clip_by(again.camera), tiny_body, stored.config), stored.last.params
     )
     assert whole is not None and stored.grounding is not None, "gravity and contacts are those of the corrected fit"
     np.testing.assert_allclose(stored.grounding.contacts.probability, whole.contacts.probability)
@@ -396,7 +398,7 @@ def test_a_run_that_is_being_read_does_not_hide_a_newer_one(folder: Path, tiny_b
 def test_costs_of_a_rerun_are_those_of_its_frames_alone(session: Session, tiny_body: BodyModel):
     before = newest(session)
     start = session.fits.fit(before.run)
-    clip = session.clip_of(before.camera)
+    clip = session.project.clip_by(before.camera)
     found = finished(RerunFrames(clip=clip, body=tiny_body, config=QUICK, start=start, windows=(range(2, 4),)).run())
     expected = evaluate_objective(clip, tiny_body, QUICK, found.last.params)
     np.testing.assert_allclose(found.last.frame_cost[2:4], expected.frame_cost[2:4])

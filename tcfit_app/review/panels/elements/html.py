@@ -7,7 +7,7 @@ is escaped here; only what the functions of this file return is taken as HTML.
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache, partial
+from functools import cache, partial
 from html import escape
 from typing import Any, Literal, TypeVar
 
@@ -95,25 +95,8 @@ def button(
         enter: Enter in the text field above presses it.
     """
     off, title = disabled or bool(obstacle), ". ".join(filter(None, (hint, obstacle)))
-    made = _button(text(label), command, value, pressed, expanded, off, keys, title, kind, enter)
-    return Html(made, {} if off else {(command, value): do})
-
-
-@lru_cache(4096)  # panels are made again and again
-def _button(
-    label: Html,
-    command: str,
-    value: str,
-    pressed: bool | None,
-    expanded: bool | None,
-    off: bool,
-    keys: str,
-    title: str,
-    kind: str,
-    enter: bool,
-) -> str:
     shown = joined(tag("span", label), tag("kbd", keys) if keys else Html())
-    return (
+    made = (
         f'<button type="button" data-tcfit="{escape(command)}" data-value="{escape(value)}"'
         + (f' class="tcfit-{escape(kind)}"' if kind else "")
         + (f' aria-pressed="{str(pressed).lower()}"' if pressed is not None else "")
@@ -123,6 +106,7 @@ def _button(
         + (" disabled" if off else "")
         + f">{shown}</button>"
     )
+    return Html(made, {} if off else {(command, value): do})
 
 
 def action(

@@ -1,14 +1,11 @@
 """How far a job is, in the timeline."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from fitting_core.keypoints import INDEX
 from fitting_core.results.provenance import Provenance
-from tcfit_app.analysis.suspicion import Suspect
 from tcfit_app.fitting.reports import RunningJob
-from tcfit_app.review.drawing.timeline import fit_spans, keyframes, origins, suspicions
+from tcfit_app.review.drawing.timeline import fit_spans, keyframes, origins
 
 
 def job(phase: int | None, *windows: range) -> RunningJob:
@@ -45,16 +42,6 @@ def test_where_frames_came_from_is_told_once_for_all_alike():
     assert found.label == "Fit 1" and len(found.texts) == 3
     assert told[1] == "started from the fit of a frame before it, stopped because the cost fell no further"
     assert told[0] == told[2] != told[3]
-
-
-def test_suspicions_come_in_the_order_of_frames():
-    late = Suspect(
-        frame=7, frames=range(6, 9), score=4.123, kind="cost", reason="late", joints=(), about=("whole body",), also=()
-    )
-    early = replace(late, frame=2, frames=range(2, 3), score=1.5, reason="early")
-    first, last = suspicions([late, early]).found
-    assert (first.reason, last.reason) == ("early", "late")
-    assert (last.first, last.last, last.frame, last.score) == (6, 8, 7, 4.12)
 
 
 def test_keyframes_say_whose_they_are():

@@ -27,6 +27,9 @@ def test_the_review_queue(tested: LonePage):
     with_suspects(tested, suspect(4), replace(suspect(2), reason="nose off", joints=(0,)))
     shown = tested.html()
     assert "2 suspicious places" in shown and "1 of 3 reviewed" in shown and "<b>Left wrist 42 px off</b>" in shown
+    page.timeline.draw()
+    entries = page.tab.channel._sent["suspicions"].found  # pyright: ignore[reportOptionalMemberAccess]
+    assert [(entry.frame, entry.reason) for entry in entries] == [(2, "nose off"), (4, "left wrist 42 px off")]
     tested.press("review.go", "2 cost left arm")
     assert (page.tab.state.frame, page.tab.state.selection, page.tab.state.suggested) == (2, (0,), True)
     assert 'aria-current="true" data-tcfit="review.go" data-value="2 cost left arm"' in tested.html()
