@@ -16,15 +16,6 @@ from fitting_core.metrics import error_figures, jitter, torso_lean
 from tcfit_app.analysis.posed_fit import PosedFit
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MeasuredRun:
-    """The input of figures."""
-
-    fit: PosedFit
-    seconds: float
-    """Of the phases that the run computed itself; 0 if it was not fitted here."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Metric:
     """A figure of a run."""
@@ -34,8 +25,8 @@ class Metric:
     unit: str
     value: float | None
     """None if it cannot be measured."""
-    better: Literal["lower", "higher", ""]
-    """Empty: neither is better as such."""
+    lower_is_better: bool = True
+    """False: no value is better as such."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,20 +50,22 @@ class MetricKind:
 
     title: str
     unit: str
-    value: Callable[[MeasuredRun], float | None]
-    better: Literal["lower", "higher", ""] = "lower"
+    value: Callable[[PosedFit], float | None]
+    lower_is_better: bool = True
+    """As in Metric."""
 
 
 _AS_GOOD = 0.01
 """Figures that differ by a smaller fraction are equally good."""
 
 
-def run_metrics(run: MeasuredRun) -> tuple[Metric, ...]:
-    """The METRICS of a run."""
-    return tuple(
-        Metric(name=name, title=kind.title, unit=kind.unit, value=kind.value(run), better=kind.better)
+def run_metrics(fit: PosedFit, seconds: float) -> tuple[Metric, ...]:
+    """The METRICS of a run, and the seconds of the phases that it computed itself, 0 if it was not fitted here."""
+    found = (
+        Metric(name=name, title=kind.title, unit=kind.unit, value=kind.value(fit), lower_is_better=kind.lower_is_better)
         for name, kind in METRICS.items()
     )
+    return (*found, Metric(name="seconds", title="Time to fit", unit="s", value=seconds or None))
 
 
 def compare(a: tuple[Metric, ...], b: tuple[Metric, ...]) -> tuple[ComparedMetric, ...]:
@@ -93,26 +86,26 @@ def _row(a: Metric | None, b: Metric | None) -> ComparedMetric:
         a=one,
         b=other,
         difference=difference,
-        better=_better(one, other, like.better),
+        better=_better(one, other) if like.lower_is_better else "",
     )
 
 
-def _better(a: float | None, b: float | None, rule: Literal["lower", "higher", ""]) -> Literal["a", "b", ""]:
-    if a is None or b is None or not rule or abs(b - a) <= _AS_GOOD * max(abs(a), abs(b)):
+def _better(a: float | None, b: float | None) -> Literal["a", "b", ""]:
+    if a is None or b is None or abs(b - a) <= _AS_GOOD * max(abs(a), abs(b)):
         return ""
-    return "a" if (a < b) == (rule == "lower") else "b"
+    return "a" if a < b else "b"
 
 
-def _error(figure: str) -> Callable[[MeasuredRun], float | None]:
-    return lambda run: error_figures(run.fit.errors)[figure]
+def _error(figure: str) -> Callable[[PosedFit], float | None]:
+    return lambda fit: error_figures(fit.errors)[figure]
 
 
-def _jitter(points: Callable[[PosedFit], Float[np.ndarray, "T 55 3"]]) -> Callable[[MeasuredRun], float | None]:
-    return lambda run: jitter(points(run.fit)) if len(run.fit) > 2 else None
+def _jitter(points: Callable[[PosedFit], Float[np.ndarray, "T 55 3"]]) -> Callable[[PosedFit], float | None]:
+    return lambda fit: jitter(points(fit)) if len(fit) > 2 else None
 
 
-def _acceleration(run: MeasuredRun) -> float | None:
-    return jitter(run.fit.still_joints) / 1e3 * run.fit.clip.frame_rate**2 if len(run.fit) > 2 else None
+def _acceleration(fit: PosedFit) -> float | None:
+    return jitter(fit.still_joints) / 1e3 * fit.clip.frame_rate**2 if len(fit) > 2 else None
 
 
 def _height(fit: PosedFit) -> float:
@@ -133,22 +126,24 @@ METRICS: dict[str, MetricKind] = {
         title="Jitter without translation", unit="mm/frame²", value=_jitter(lambda fit: fit.joints_in_body)
     ),
     "acceleration": MetricKind(title="Jitter", unit="m/s²", value=_acceleration),
-    "height": MetricKind(title="Body height", unit="m", value=lambda run: _height(run.fit), better=""),
+    "height": MetricKind(title="Body height", unit="m", value=_height, lower_is_better=False),
     "betas_size": MetricKind(
         title="Shape, distance from the mean shape",
         unit="σ",
-        value=lambda run: float(run.fit.params.betas.mean(0).norm()),
-        better="",
+        value=lambda fit: float(fit.params.betas.mean(0).norm()),
+        lower_is_better=False,
     ),
     "betas_std": MetricKind(
         title="Shape, standard deviation",
         unit="",
-        value=lambda run: float(run.fit.params.betas.std(0, correction=0).mean()),
+        value=lambda fit: float(fit.params.betas.std(0, correction=0).mean()),
     ),
     "lean": MetricKind(
-        title="Lean of the torso, mean", unit="°", value=lambda run: float(torso_lean(run.fit.joints).mean()), better=""
+        title="Lean of the torso, mean",
+        unit="°",
+        value=lambda fit: float(torso_lean(fit.joints).mean()),
+        lower_is_better=False,
     ),
-    "seconds": MetricKind(title="Time to fit", unit="s", value=lambda run: run.seconds or None),
 }
 """By name. Reprojection errors are over the keypoints counted in summary.json; jitter is the mean second difference of
 the 55 joints, in camera space unless stated; the shape's deviation is over frames, mean of the betas."""
@@ -201,7 +196,6 @@ def reference_metrics(
             title=titles[name][0] + (sampled if name in _SAMPLED else "") + covered,
             unit=titles[name][1],
             value=value,
-            better="lower",
         )
         for name in _SHOWN
         if (value := found[name]) is not None

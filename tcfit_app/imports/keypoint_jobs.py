@@ -1,7 +1,4 @@
-"""Jobs that provide a project's keypoints: each runs on its own thread and reports its progress.
-
-Uploaded files are stored under our own names.
-"""
+"""Jobs that provide a project's keypoints: each runs on its own thread and reports its progress."""
 
 from collections.abc import Callable
 from contextlib import closing
@@ -14,11 +11,12 @@ import numpy as np
 from fitting_core.camera import Camera, FocalFrom
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.files.atomic import scratch_folder
 from fitting_core.io.keypoints.openpose import SUFFIX
 from fitting_core.keypoints import Keypoints
 from fitting_core.silhouettes import Silhouettes
 from tcfit_app.imports.found_people import FoundPeople
+from tcfit_app.imports.uploads import kept_as
+from tcfit_app.project.storage.names import name_of_file
 
 if TYPE_CHECKING:
     from fitting_core.detect.detecting import Detected
@@ -26,6 +24,8 @@ if TYPE_CHECKING:
 
 ProgressReport = Callable[[str, float | None], None]
 """Receives the current step and the progress (0 to 1, or unknown). Raises to end the job."""
+_SUFFIXES = (SUFFIX, ".json", ".pose")
+"""Of uploaded keypoints."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,8 +85,15 @@ class ImportUpload:
 
     def run(self, clip: Clip, report: ProgressReport) -> FoundKeypoints:
         """See `KeypointJob.run`."""
-        with scratch_folder() as folder:
-            path = received(self.name, self.content, folder)
+        suffix = next((suffix for suffix in _SUFFIXES if self.name.lower().endswith(suffix)), None)
+        if suffix is None or not self.content:
+            raise InputError(
+                f"{name_of_file(self.name)} has {len(self.content)} bytes, and its name is not a keypoint file's; "
+                "expected one JSON or .pose file. Give a folder of OpenPose's files by its path on the computer that "
+                "runs tcfit."
+            )
+        file = f"upload_0{SUFFIX}" if suffix == SUFFIX else f"upload{suffix}"
+        with kept_as(file, self.content, name_of_file(self.name)) as path:
             return ImportFiles(path=path).run(clip, report)
 
 
@@ -197,32 +204,3 @@ class Download:
             if not isinstance(event, Downloaded):
                 total = f" of {event.total / 1e6:.0f}" if event.total else ""
                 report(f"{event.done / 1e6:.1f}{total} MB", event.share if event.total else None)
-
-
-_SUFFIXES = (SUFFIX, ".json", ".pose")
-_EXPECTED = (
-    "expected one JSON or .pose file. Give a folder of OpenPose's files by its path on the computer that runs tcfit"
-)
-
-
-def received(name: str, content: bytes, folder: Path) -> Path:
-    """Write an uploaded file into an empty folder; returns the path to read as keypoints.
-
-    No part of its name becomes a path.
-
-    Raises:
-        InputError: It is not a file of keypoints.
-    """
-    suffix = next((suffix for suffix in _SUFFIXES if name.lower().endswith(suffix)), None)
-    if suffix is None or not content:
-        raise InputError(
-            f"{_shown(name)} has {len(content)} bytes, and its name is not a keypoint file's; {_EXPECTED}."
-        )
-    path = folder / (f"upload_0{SUFFIX}" if suffix == SUFFIX else f"upload{suffix}")
-    path.write_bytes(content)
-    return path
-
-
-def _shown(name: str) -> str:
-    """A name for messages: short and printable."""
-    return "".join(c if c.isprintable() else "?" for c in name)[:80] or "the file"

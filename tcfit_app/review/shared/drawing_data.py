@@ -23,7 +23,6 @@ from tcfit_app.analysis.levels import LevelSpans, level_spans
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.run_metrics import (
-    MeasuredRun,
     Metric,
     reference_metrics,
     run_metrics,
@@ -287,9 +286,7 @@ class DrawingData:
             return None
         own, phases = own_phases(shown.run), self.session.fits.fit(shown.run).phases
         seconds = sum(p.seconds for p in phases if p.phase in own and p.phase <= shown.phase)
-        return self._made(
-            self._metrics_key(shown), shown, lambda posed: run_metrics(MeasuredRun(fit=posed, seconds=seconds))
-        )
+        return self._made(self._metrics_key(shown), shown, lambda posed: run_metrics(posed, seconds))
 
     def reference_metrics(self, shown: Shown) -> tuple[Metric, ...] | None:
         """Figures of a run against the project's reference, empty without one; None while they are computed."""

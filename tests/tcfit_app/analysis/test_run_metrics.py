@@ -16,7 +16,7 @@ from fitting_core.io.summary import summary
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.analysis.curves import between_runs, vertex_distances
 from tcfit_app.analysis.posed_fit import PosedFit
-from tcfit_app.analysis.run_metrics import METRICS, ComparedMetric, MeasuredRun, Metric, compare, run_metrics
+from tcfit_app.analysis.run_metrics import METRICS, ComparedMetric, Metric, compare, run_metrics
 from tests.samples.posed import displaced, fit_of, keypoints_of, still_params, with_keypoints
 from tests.samples.scenes import noisy, random_params
 
@@ -26,7 +26,7 @@ def phase_of(params: BodyParams) -> PhaseResult:
 
 
 def measured(fit: PosedFit) -> dict[str, float | None]:
-    return {metric.name: metric.value for metric in run_metrics(MeasuredRun(fit=fit, seconds=7.5))}
+    return {metric.name: metric.value for metric in run_metrics(fit, 7.5)}
 
 
 def in_motion(frames: int) -> BodyParams:
@@ -98,20 +98,20 @@ def test_what_cannot_be_measured_is_none(tiny_body: BodyModel, frames: int):
     fit = with_keypoints(fit, confidence=np.zeros_like(fit.clip.keypoints.confidence))
     found = measured(fit)
     names = ["reprojection_median", "reprojection_hands_p95", "jitter", "acceleration"]
-    assert [found[name] for name in names] == [None] * 4 and set(METRICS) == set(found)
+    assert [found[name] for name in names] == [None] * 4 and {*METRICS, "seconds"} == set(found)
 
 
-def metric(name: str, value: float | None, better="lower") -> Metric:
-    return Metric(name=name, title=name.title(), unit="px", value=value, better=better)
+def metric(name: str, value: float | None, lower_is_better: bool = True) -> Metric:
+    return Metric(name=name, title=name.title(), unit="px", value=value, lower_is_better=lower_is_better)
 
 
 def test_two_runs_side_by_side():
-    a = (metric("error", 2.0), metric("score", 2.0, "higher"), metric("volume", 2.0, ""), metric("one", None, ""))
-    b = (metric("error", 3.0), metric("score", 3.0, "higher"), metric("volume", 3.0, ""), metric("other", 1.0, ""))
+    a = (metric("error", 2.0), metric("volume", 2.0, False), metric("one", None, False))
+    b = (metric("error", 3.0), metric("volume", 3.0, False), metric("other", 1.0, False))
     rows = compare(a, b)
     assert rows[0] == ComparedMetric(name="error", title="Error", unit="px", a=2.0, b=3.0, difference=1.0, better="a")
-    assert [(r.name, r.difference, r.better) for r in rows[1:3]] == [("score", 1.0, "b"), ("volume", 1.0, "")]
-    assert [(r.name, r.a, r.b, r.difference, r.better) for r in rows[3:]] == [
+    assert (rows[1].name, rows[1].difference, rows[1].better) == ("volume", 1.0, "")
+    assert [(r.name, r.a, r.b, r.difference, r.better) for r in rows[2:]] == [
         ("one", None, None, None, ""),
         ("other", None, 1.0, None, ""),
     ]

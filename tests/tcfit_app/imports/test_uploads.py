@@ -1,36 +1,32 @@
 """Uploaded keypoints, under names of ours."""
 
 import json
-from pathlib import Path
+from dataclasses import replace
 
 import pytest
 
 from fitting_core.errors import InputError
-from tcfit_app.imports.keypoint_jobs import received
+from tcfit_app.imports.keypoint_jobs import ImportUpload
+from tests.samples.project_samples import sample_clip
 
-FRAME = json.dumps({"people": [{"pose_keypoints_2d": [1.0, 2.0, 0.5] * 25}]}).encode()
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    (tmp_path / "inner").mkdir()
-    return tmp_path / "inner"
+FRAME = json.dumps({"people": [{"pose_keypoints_2d": [100.0, 200.0, 0.5] * 25}]}).encode()
 
 
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
         ("walk_keypoints.json", "upload_0_keypoints.json"),
-        ("coco.json", "upload.json"),
-        ("x.POSE", "upload.pose"),
+        ("other.json", "upload.json"),
         ("../../x.json", "upload.json"),
         ("a\0b.json", "upload.json"),
     ],
 )
-def test_uploaded_file_gets_a_name_of_ours(folder: Path, name: str, expected: str):
-    path = received(name, FRAME, folder)
-    assert path == folder / expected and path.read_bytes() == FRAME
-    assert [entry.name for entry in folder.parent.iterdir()] == ["inner"]
+def test_uploaded_file_is_read_under_a_name_of_ours(name: str, expected: str):
+    told: list[str] = []
+    found = ImportUpload(name=name, content=FRAME).run(
+        replace(sample_clip(1), first_frame=0), lambda step, share: told.append(step)
+    )
+    assert told == [f"Reading {expected}"] and found.keypoints.xy[0, 0].tolist() == [100.0, 200.0]
 
 
 @pytest.mark.parametrize(
@@ -40,9 +36,10 @@ def test_uploaded_file_gets_a_name_of_ours(folder: Path, name: str, expected: st
         ("a.json", b"", "0 bytes"),
         ("a.zip", b"PK\x03\x04", "Give a folder of OpenPose's files by its path"),
         ("<b>\x07.exe", b"x", "<b>?.exe has 1 bytes"),
+        ("x.POSE", b"damaged", "x.POSE"),
     ],
 )
-def test_what_is_refused(folder: Path, name: str, content: bytes, words: str):
+def test_what_is_refused(name: str, content: bytes, words: str):
     with pytest.raises(InputError) as caught:
-        received(name, content, folder)
-    assert words in str(caught.value) and not list(folder.iterdir())
+        ImportUpload(name=name, content=content).run(sample_clip(1), lambda step, share: None)
+    assert words in str(caught.value)
