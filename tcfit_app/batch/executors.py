@@ -6,7 +6,7 @@ import socket
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 from fitting_core.errors import InputError
 from tcfit_app.batch.clip_fit import fit_clip
@@ -20,32 +20,18 @@ News = Generator[tuple[int, Work | ClipOutcome], None, None]
 """Of a task, by its index: its progress, and its end."""
 
 
-class Executor(Protocol):
-    """Fits clips, several at a time."""
-
-    def run(self, tasks: Sequence[ClipTask]) -> News:
-        """Fit them all; each ends exactly once. Closing the generator stops at once and leaves nothing half-done that
-        matters."""
-        ...
-
-
-class LocalProcesses(Executor):
-    """Processes of this computer, `jobs` at a time."""
-
-    def __init__(self, jobs: int) -> None:
-        self.jobs = jobs
-
-    def run(self, tasks: Sequence[ClipTask]) -> News:
-        """See `Executor.run`."""
-        with closing(ProcessQueue(processes=self.jobs, tries=_TRIES)) as processes:
-            for index, task in enumerate(tasks):
-                processes.add(index, partial(fit_clip, task))
-            while processes.busy:
-                for index, news in processes.news():
-                    if isinstance(news, Ended):
-                        yield index, news.result or _died(tasks[index], news.died)
-                    else:
-                        yield index, news
+def fitted_here(tasks: Sequence[ClipTask], jobs: int) -> News:
+    """Fit clips in processes of this computer, `jobs` at a time; each ends exactly once. Closing the generator stops at
+    once and leaves nothing half-done that matters."""
+    with closing(ProcessQueue(processes=jobs, tries=_TRIES)) as processes:
+        for index, task in enumerate(tasks):
+            processes.add(index, partial(fit_clip, task))
+        while processes.busy:
+            for index, news in processes.news():
+                if isinstance(news, Ended):
+                    yield index, news.result or _died(tasks[index], news.died)
+                else:
+                    yield index, news
 
 
 def _died(task: ClipTask, how: str) -> ClipOutcome:
@@ -63,32 +49,28 @@ _AHEAD = 2
 """Tasks that are handed to Ray for each of the cluster's cores."""
 
 
-class RayCluster(Executor):
-    """A Ray cluster whose nodes have tcfit and see the same files under the same paths.
+def fitted_by_ray(tasks: Sequence[ClipTask], address: str | None, jobs: int | None) -> News:
+    """Fit clips on a Ray cluster, as `fitted_here`. Its nodes have tcfit and see the same files under the same paths;
+    Ray ends what runs for a driver that has died.
 
     Args:
+        tasks: The clips.
         address: As Ray has it; None: the cluster that Ray finds here; "local": one that lives as long as the batch.
         jobs: Most clips at a time; None: as many as the cluster has cores.
     """
-
-    def __init__(self, address: str | None, jobs: int | None) -> None:
-        self.address, self.jobs = address, jobs
-
-    def run(self, tasks: Sequence[ClipTask]) -> News:
-        """See `Executor.run`. Ray ends what runs for a driver that has died."""
-        with _connected(self.address, self.jobs) as ray:
-            fit = ray.remote(num_cpus=1, max_retries=1)(fit_clip)
-            room = self.jobs or _AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
-            waiting, under_way = list(enumerate(tasks))[::-1], {}
-            while waiting or under_way:
-                while waiting and len(under_way) < room:
-                    index, task = waiting.pop()
-                    gpus = int(task.config.device.startswith("cuda"))
-                    under_way[fit.options(num_gpus=gpus).remote(task)] = index
-                    yield index, Work(step="reading", share=0.0)
-                for ready in ray.wait(list(under_way), num_returns=1)[0]:
-                    index = under_way.pop(ready)
-                    yield index, _outcome(ray, ready, tasks[index])
+    with _connected(address, jobs) as ray:
+        fit = ray.remote(num_cpus=1, max_retries=1)(fit_clip)
+        room = jobs or _AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
+        waiting, under_way = list(enumerate(tasks))[::-1], {}
+        while waiting or under_way:
+            while waiting and len(under_way) < room:
+                index, task = waiting.pop()
+                gpus = int(task.config.device.startswith("cuda"))
+                under_way[fit.options(num_gpus=gpus).remote(task)] = index
+                yield index, Work(step="reading", share=0.0)
+            for ready in ray.wait(list(under_way), num_returns=1)[0]:
+                index = under_way.pop(ready)
+                yield index, _outcome(ray, ready, tasks[index])
 
 
 def _outcome(ray: Any, ready: Any, task: ClipTask) -> ClipOutcome:

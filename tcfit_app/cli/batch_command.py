@@ -17,7 +17,7 @@ from fitting_core.fit.fused.ready import cores
 from fitting_core.io.known_shape import read_known_shape
 from fitting_core.keypoints import ERROR_GROUPS
 from tcfit_app.batch.columns import LEAST_PART
-from tcfit_app.batch.executors import Executor, LocalProcesses, RayCluster
+from tcfit_app.batch.executors import News, fitted_by_ray, fitted_here
 from tcfit_app.batch.inputs import detector_of, detector_version, missing_input
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.batch.outcome import SUMMARY_CSV, ClipOutcome, done_before, show_summary, write_summary
@@ -56,7 +56,7 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
     folder = options.manifest.with_name(f"{options.manifest.stem}{BATCH_SUFFIX}")
     with _alone(folder):
         try:
-            _fit(_executor(options), tasks, rows)
+            _fit(options, tasks, rows)
         except KeyboardInterrupt:
             left = sum(row.state == "left" for row in rows)
             print(f"Stopped. The same command continues with the {left} remaining clips.")
@@ -98,20 +98,20 @@ def _common_folder(folders: Sequence[Path]) -> str:
         return str(folders[0])
 
 
-def _executor(options: BatchOptions) -> Executor:
+def _news(options: BatchOptions, tasks: Sequence[ClipTask]) -> News:
     if options.ray is not None:
-        return RayCluster(options.ray[0] if options.ray else None, options.jobs)
-    return LocalProcesses(options.jobs or cores())
+        return fitted_by_ray(tasks, options.ray[0] if options.ray else None, options.jobs)
+    if tasks:
+        compile_kernels(tasks[0].config)  # once, not in each process
+    return fitted_here(tasks, options.jobs or cores())
 
 
-def _fit(executor: Executor, tasks: Sequence[ClipTask], rows: list[ClipOutcome]) -> None:
+def _fit(options: BatchOptions, tasks: Sequence[ClipTask], rows: list[ClipOutcome]) -> None:
     """Fit the clips that are left, and store the outcome of each in its row."""
     places = [place for place, row in enumerate(rows) if row.state == "left"]
     left = [tasks[place] for place in places]
-    if left and isinstance(executor, LocalProcesses):
-        compile_kernels(left[0].config)  # once, not in each process
-    progress = _Lines(len(tasks), left)
-    with closing(progress), closing(executor.run(left)) as all_news:
+    all_news, progress = _news(options, left), _Lines(len(tasks), left)
+    with closing(progress), closing(all_news):
         for index, news in all_news:
             if isinstance(news, ClipOutcome):
                 rows[places[index]] = news

@@ -218,35 +218,20 @@ VIEW_HINT = "For pictures and videos: as the camera saw it, over the video; or u
 
 # --- of plugins ---
 
-_FORMER: dict[str, Group] = {
-    "Motion": "Blender",
-    "Rigs": "Unity, Unreal",
-    "Laboratory": "OpenSim",
-    "Meshes": "Blender",
-    "Keypoints": "Python",
-    "Annotations": "ELAN",
-    "Figures": "Python",
-}
-"""Groups that plugins for earlier versions name."""
-
 
 def exports() -> dict[str, Export]:
     """EXPORTS, followed by those of plugins."""
     return EXPORTS | {
-        name: replace(plugin.thing, group=_group_of(plugin.thing), write=_guarded(plugin))
+        name: replace(plugin.thing, write=_guarded(plugin))
         for name, plugin in added("tcfit.exports", Export, taken=EXPORTS).items()
         if _is_sound(plugin)
     }
 
 
-def _group_of(export: Export) -> Group:
-    return _FORMER.get(str(export.group), export.group)
-
-
 def _is_sound(plugin: Plugin[Export]) -> bool:
     export, groups = plugin.thing, get_args(Group)
     wrong = {
-        f"its group is {export.group!r}; expected one of {'; '.join(groups)}": _group_of(export) in groups,
+        f"its group is {export.group!r}; expected one of {'; '.join(groups)}": export.group in groups,
         f"it needs {export.needs!r}; expected one of {', '.join(get_args(Needs))}": export.needs in get_args(Needs),
         f"its suffix is {export.suffix!r}; expected '.' or '-' and letters": _SUFFIX.fullmatch(str(export.suffix)),
     }

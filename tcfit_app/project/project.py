@@ -341,19 +341,6 @@ class Project:
         frames = there.frames_beside(edit.frames, len(self._stored), self._stored.frame_rate)
         return EditView(frames=frames, joints=(), view=view, edit=edit)
 
-    def relink_view(self, view: int, source: Path) -> None:
-        """Set the path of a view's video or images. Raises InputError as `relink`."""
-        self.refuse_read_only()
-        with self._changing_files:
-            link = media.link(source, self.folder)
-            media.check_decodes(source)
-            with self._database.transaction() as connection:
-                store_view_link(connection, view, link)
-            found = media.find(link, self.folder)
-            with self._guard:
-                self._view_media[view] = found
-                self.video_version += 1
-
     @property
     def has_detections(self) -> bool:
         """Whether anything was detected in any frame; if not, `take_detections` can be called."""
@@ -479,18 +466,24 @@ class Project:
                 "a new project with it (tcfit new --camera), or leave the distortion out of the file."
             )
 
-    def relink(self, source: Path) -> None:
-        """Set the path of the video or the images. Raises InputError if there is nothing, it is neither a video nor a
-        folder of images, or the project cannot be written."""
+    def relink(self, source: Path, *, view: int | None = None) -> None:
+        """Set the path of the video or the images of the clip, or of another view by its id. Raises InputError if there
+        is nothing, it is neither a video nor a folder of images, or the project cannot be written."""
         self.refuse_read_only()
         with self._changing_files:
             link = media.link(source, self.folder)
             media.check_decodes(source)
             with self._database.transaction() as connection:
-                connection.execute("UPDATE clip SET media = ?", (msgspec.json.encode(link).decode(),))
+                if view is None:
+                    connection.execute("UPDATE clip SET media = ?", (msgspec.json.encode(link).decode(),))
+                else:
+                    store_view_link(connection, view, link)
             found = media.find(link, self.folder)
             with self._guard:
-                self.media = found
+                if view is None:
+                    self.media = found
+                else:
+                    self._view_media[view] = found
                 self.video_version += 1
 
     @property

@@ -130,7 +130,7 @@ def test_without_plugins_the_doctor_says_so(on_path: pytest.MonkeyPatch):
 # --- broken ones ---
 
 API = "from tcfit_app.plugin_api import *\n"
-EXPORT = API + "E = Export(title='T', group='Motion', suffix='.t', hint='', write={})\n"
+EXPORT = API + "E = Export(title='T', group='Blender', suffix='.t', hint='', write={})\n"
 
 
 @pytest.mark.parametrize(
@@ -143,7 +143,7 @@ EXPORT = API + "E = Export(title='T', group='Motion', suffix='.t', hint='', writ
         ("E = 3", "mine = odd:E", "of the type int; expected Export"),
         (EXPORT.format("print"), "glb = odd:E", "tcfit itself has 'glb'; another name is needed"),
         (EXPORT.format("print"), "My Own = odd:E", "its name is not of small letters"),
-        (EXPORT.format("print").replace("Motion", "Music"), "mine = odd:E", "its group is 'Music'; expected one of"),
+        (EXPORT.format("print").replace("Blender", "Music"), "mine = odd:E", "its group is 'Music'; expected one of"),
         (EXPORT.format("print").replace("'.t'", "'../t'"), "mine = odd:E", "its suffix is '../t'"),
         (EXPORT.format("print").replace("'T'", "7"), "mine = odd:E", "its title is of the type int; expected a text"),
     ],

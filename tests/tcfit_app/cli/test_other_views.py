@@ -40,7 +40,7 @@ def film(tmp_path: Path) -> Films:
     return make
 
 
-def test_fit_open_fit_again_remove_undo_pack_open_elsewhere(
+def test_fit_open_fit_again_remove_undo_export(
     film: Films, tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture[str]
 ):
     (a, points_a), (b, points_b) = film("a", 10), film("b", 80, slice(9, None, 2))

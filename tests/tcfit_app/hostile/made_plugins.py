@@ -52,7 +52,7 @@ def write(source, path, progress):
 
 done("import", None)
 READER = done("reader", KeypointReader(title=title("reader title"), recognises=recognises, read=read))
-EXPORT = done("export", Export(title="Odd", group="Figures", suffix=done("suffix", ".odd.csv"), hint="", write=write))
+EXPORT = done("export", Export(title="Odd", group="Python", suffix=done("suffix", ".odd.csv"), hint="", write=write))
 """
 _POINTS = {"readers": "READER", "exports": "EXPORT"}
 _LINES = {

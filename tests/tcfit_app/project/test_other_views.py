@@ -93,7 +93,7 @@ def test_add_correct_remove_undo_pack_and_open_elsewhere(tmp_path: Path):
     with Project.open(folder) as project:
         assert project.views[0].media.path is None and "no longer there" in project.views[0].media.problem
         source = tmp_path / "elsewhere" / "b.mp4"
-        project.relink_view(entry.id, source)
+        project.relink(source, view=entry.id)
         assert not project.views[0].media.problem
         assert same(project.clip.views[0], replace(expected, clip=replace(expected.clip, source=source)))
 
