@@ -12,7 +12,7 @@ from fitting_core.body.model import JOINTS
 from fitting_core.errors import InputError
 from fitting_core.ground.level import best_grounding, level_of
 from fitting_core.io.motion.bvh import write_bvh
-from fitting_core.io.motion.mesh_sequence import FACTS_NAME, file_stem
+from fitting_core.io.motion.mesh_sequence import FACTS_NAME, file_stem, write_obj_sequence
 from fitting_core.io.motion.smplifyx import write_smplifyx
 from fitting_core.io.motion_files import MOTION_FILES
 from fitting_core.io.points.named_points import NamedPoints
@@ -60,6 +60,11 @@ def write_skeleton(source: ExportSource, folder: Path, progress: Progress) -> No
     motion = source.motion(MOTION_FILES[".bvh"].axes)
     (folder / FACTS_NAME).write_bytes(as_json(stated_by_frame(motion)))
     write_bvh(folder / f"{file_stem(motion.name)}.bvh", motion, progress)
+
+
+def write_meshes(source: ExportSource, folder: Path, progress: Progress) -> None:
+    """An OBJ file for each frame."""
+    write_obj_sequence(folder, source.motion("y-up"), progress)
 
 
 def write_frames(source: ExportSource, folder: Path, progress: Progress) -> None:

@@ -8,7 +8,6 @@ from typing import Any, Literal, get_args
 
 from fitting_core.errors import InputError
 from fitting_core.io.motion.animation_npz import write_animation_npz
-from fitting_core.io.motion.mesh_sequence import write_obj_sequence
 from fitting_core.io.motion_files import MOTION_FILES
 from fitting_core.io.points.tables import write_contacts, write_joints_csv
 from fitting_core.measure.angles.angle_files import write_angles_csv, write_mot
@@ -33,6 +32,7 @@ from tcfit_app.exports.motions import (
     write_joints_trc,
     write_marker_c3d,
     write_markers_trc,
+    write_meshes,
     write_result,
     write_skeleton,
 )
@@ -78,15 +78,6 @@ def _of_motion(write: Callable[[Path, Motion], object], axes: str) -> Write:
     return written
 
 
-def _of_frames(write: Callable[[Path, Motion, Progress], object], axes: str) -> Write:
-    """The same for a writer that reports its progress."""
-
-    def written(source: ExportSource, path: Path, progress: Progress) -> None:
-        write(path, source.motion(axes), progress)
-
-    return written
-
-
 def _group(group: Group, formats: dict[str, tuple[str, str, Write, str]], **common: Any) -> dict[str, Export]:
     """Formats of a group, by name: title, suffix, writer and hint. `common` are fields of all of them."""
     return {
@@ -101,7 +92,7 @@ EXPORTS: dict[str, Export] = {
         "glb": ("Character (GLB)", ".glb", write_character,
                 "Skinned mesh with 55 joints and a moving face for Blender, Unity, Unreal, three.js; y up, metres"),
         "bvh": ("Skeleton (BVH)", "-bvh", write_skeleton, "55 joints in metres and degrees; by default y up"),
-        "obj": ("OBJ sequence", "-obj", _of_frames(write_obj_sequence, "y-up"),
+        "obj": ("OBJ sequence", "-obj", write_meshes,
                 "The fit's own vertices, correctives included; by default y up")}),
     **_group("Unity, Unreal", {
         "fbx": ("Character (FBX)", ".fbx", write_fbx,

@@ -37,12 +37,13 @@ from jaxtyping import Bool
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip, OtherView
 from fitting_core.errors import InputError
-from fitting_core.files.atomic import sweep, sweep_beside
+from fitting_core.files.atomic import replacing, sweep, sweep_beside
 from fitting_core.fit.views.relating import related
 from fitting_core.io.people_file import refuse_several
 from fitting_core.keypoints import KeptOffset, Keypoints
 from fitting_core.lens import filmed_keypoints, straightened_keypoints
-from fitting_core.measure.references.reference import Reference
+from fitting_core.measure.references.files import read_reference
+from fitting_core.measure.references.reference import Reference, write_reference
 from fitting_core.silhouettes import Silhouettes
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.edit_log import (
@@ -80,12 +81,12 @@ from tcfit_app.project.storage.marks import MarkStore
 from tcfit_app.project.storage.media import Media, MediaLink
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.project.storage.opening_body import OpeningBody, write_opening_body
-from tcfit_app.project.storage.reference import store_reference, stored_reference
 from tcfit_app.project.storage.runs import Runs
 from tcfit_app.project.storage.view_media import store_view_link, view_links
 
 _REMOVED = ('{"kind":"take_rotations"',)
 """Beginnings of edits that only earlier versions made. They stay in the log, and are ignored."""
+_REFERENCE = "reference.npz"
 _REPLACING = "The keypoints are being replaced, because the lens or the person has changed. Try again in a moment."
 
 
@@ -491,19 +492,20 @@ class Project:
         """The reference for fits, if any. Raises InputError if its file is damaged."""
         with self._guard:
             if not self._looked:
-                self._reference, self._looked = stored_reference(self.folder), True
+                path = self.folder / _REFERENCE
+                self._reference, self._looked = read_reference(path) if path.is_file() else None, True
             return self._reference
 
-    def set_reference(self, reference: Reference | None) -> None:
+    def set_reference(self, reference: Reference) -> None:
         """Set the reference for fits; it is on disk when this returns. Raises InputError if it has no frame in common
         with the clip, or the project cannot be written."""
         self.refuse_read_only()
-        if reference is not None:
-            reference.frames_of(len(self._stored), self._stored.first_frame, self._stored.frame_rate)
-        with self._changing_files:
-            store_reference(self.folder, reference)
-            with self._guard:
-                self._reference, self._looked = reference, True
+        reference.frames_of(len(self._stored), self._stored.first_frame, self._stored.frame_rate)
+        path = self.folder / _REFERENCE
+        with self._changing_files, accessing(path), replacing(path) as draft:
+            write_reference(draft, reference)
+        with self._guard:
+            self._reference, self._looked = reference, True
 
     def _marks_done(self) -> list[LogEntry]:
         with self._guard:
