@@ -76,14 +76,13 @@ class Status:
 
     def _tasks(self) -> list[Message]:
         """What is being detected or exported, or what the rectangle to be drawn is for."""
-        found, again, source, exporting = [], self._again, self._tab.session.source, self._exporting
+        found, again, source = [], self._again, self._tab.session.source
         if again.framing is not None:
             words = f"Draw a rectangle around the {part_name(again.framing)}"
             found.append(Message(text=words, cancel=again.give_up_framing))
-        going = (again.going, again.cancel), (source.going, source.cancel), (exporting.running, exporting.cancel)
-        for task, cancel in (*going, (self._views.going, self._views.cancel)):
+        for task in (again.task.last, source.going, self._exporting.task.last, self._views.task.last):
             if task is not None and task.state == "running":
-                found.append(task_message(task, cancel))
+                found.append(task_message(task))
         return found
 
 
@@ -157,7 +156,7 @@ def progress_message(job: RunningJob, cancel: Callable[[], object]) -> Message:
     return Message(text=text, hint=f"{job.title}: {progress.phrase}", kind="busy", progress=share, cancel=cancel)
 
 
-def task_message(task: Task[Any], cancel: Callable[[], object]) -> Message:
+def task_message(task: Task[Any]) -> Message:
     """The progress of a task."""
     progress = None if task.share is None else round(task.share, 2)
-    return Message(text=f"{task.title}: {task.words}", kind="busy", progress=progress, cancel=cancel)
+    return Message(text=f"{task.title}: {task.words}", kind="busy", progress=progress, cancel=task.cancel)

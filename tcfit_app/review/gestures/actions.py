@@ -392,7 +392,7 @@ _KEYPOINTS: tuple[_Row, ...] = (
         )
         for p in PARTS
     ),
-    ("cancel_detecting", "Cancel detecting again", "", lambda g: g.again.cancel(), ""),
+    ("cancel_detecting", "Cancel detecting again", "", lambda g: g.again.task.cancel(), ""),
     ("all", "Select all keypoints on show", "Ctrl+a", lambda g: g.correcting.select_all(), ""),
     *(
         (

@@ -1,5 +1,7 @@
 """Detecting again in one tab: a person, a hand or the face, in the selected frames or the one on show."""
 
+from functools import partial
+
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.keypoints import PartOfPerson
@@ -10,8 +12,7 @@ from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_events import Framed
 from tcfit_app.review.gestures.correcting import Correcting
 from tcfit_app.review.gestures.edit_words import part_name
-from tcfit_app.review.session.tasks import Task
-from tcfit_app.review.tab.tab import Tab
+from tcfit_app.review.tab.tab import OneTask, Tab
 
 _LEAST = 2.0
 """Minimum width and height of a rectangle, pixels."""
@@ -22,8 +23,7 @@ class DetectingAgain:
 
     def __init__(self, tab: Tab, correcting: Correcting) -> None:
         self._tab, self._correcting = tab, correcting
-        self.going: Task[DetectAgain | None] | None = None
-        """The second look started last."""
+        self.task = OneTask(tab)
         self.framing: PartOfPerson | None = None
         """What the next rectangle drawn in the picture is for."""
 
@@ -38,12 +38,8 @@ class DetectingAgain:
         tab, self.framing = self._tab, None
         look, clip = SecondLook(frames=tab.frames_to_change, part=part, region=region), tab.session.project.clip
         tab.pause()
-        self.going = tab.session.tasks.submit(
-            f"Detecting the {part_name(part)} again",
-            lambda report: look.run(clip, report),
-            owner=tab,
-            then=lambda task: tab.guarded(lambda: self._take_end(look, clip, task))(),
-        )
+        title, keep = f"Detecting the {part_name(part)} again", partial(self._keep, look, clip)
+        self.task.begin(title, lambda report: look.run(clip, report), keep)
 
     def frame(self, part: PartOfPerson) -> None:
         """Make the next drag in the picture draw the rectangle to look in."""
@@ -73,11 +69,6 @@ class DetectingAgain:
         framing, self.framing = self.framing, None
         return framing is not None
 
-    def cancel(self) -> None:
-        """Stop looking; keypoints are unchanged."""
-        if self.going is not None:
-            self.going.cancel()
-
     def refuse(self) -> None:
         """Raises InputError if there are no keypoints that can be changed, no video, or a second look is running."""
         session = self._tab.session
@@ -85,16 +76,11 @@ class DetectingAgain:
         session.refuse_without_keypoints()
         if session.project.media.path is None:
             raise InputError("The project's video is missing, so nothing can be detected.")
-        if self.going is not None and self.going.state == "running":
-            raise InputError(f"{self.going.title}: wait for it, or cancel it.")
+        self.task.refuse()
 
-    def _take_end(self, look: SecondLook, clip: Clip, task: Task[DetectAgain | None]) -> None:
+    def _keep(self, look: SecondLook, clip: Clip, edit: DetectAgain | None) -> None:
         tab, name = self._tab, part_name(look.part)
-        if task.state == "cancelled":
-            return tab.say(f"{task.title}: cancelled")
-        if task.state == "failed":
-            return tab.notify(Notice(title=f"{task.title} failed", text=task.reason, kind="error"))
-        if (edit := task.result()) is None:
+        if edit is None:
             where = in_words(look.frames, tab.first_frame)
             return tab.notify(Notice(title=f"No {name} was found in {where}.", text=_advice(look)))
         if tab.session.project.footage.camera.lens != clip.camera.lens:

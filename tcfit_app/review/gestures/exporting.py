@@ -2,20 +2,19 @@
 
 import re
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 from fitting_core.errors import InputError
 from tcfit_app.exports.exporting import content_of, file_name
 from tcfit_app.exports.source import ExportedFit, ExportSource
 from tcfit_app.exports.table import VIEW_CHOICES, Export, exports
 from tcfit_app.fitting.fits import FitChoice, Shown
-from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.frame_words import numbers
 from tcfit_app.project.storage.run_record import newest
-from tcfit_app.review.session.tasks import Step, Task
+from tcfit_app.review.session.tasks import Step
 from tcfit_app.review.tab.on_show import SLOTS, OnShow, Slot, on_show
 from tcfit_app.review.tab.state import TabState
-from tcfit_app.review.tab.tab import LONG, SHORT, Tab
+from tcfit_app.review.tab.tab import LONG, SHORT, OneTask, Tab
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,8 +37,7 @@ class Exporting:
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
         self.wishes = Wishes()
-        self.running: Task[tuple[bytes, str | None]] | None = None
-        """The export started last; its title is the file's name."""
+        self.task = OneTask(tab)
 
     @cached_property
     def formats(self) -> dict[str, Export]:
@@ -97,8 +95,7 @@ class Exporting:
     def begin(self, name: str) -> None:
         """Write a format, and send it to the browser. Raises InputError if it cannot be written now."""
         self.refuse(name)
-        if self.running is not None and self.running.state == "running":
-            raise InputError(f"{self.running.title} is still being made: wait for it, or cancel it.")
+        self.task.refuse()
         export, frames = self.formats[name], self.frames
         source = self.source(export)
         if frames is not None:
@@ -108,20 +105,12 @@ class Exporting:
         def work(report: Step) -> tuple[bytes, str | None]:
             return content_of(export, source, lambda share: report("being written", share))
 
-        self.running = self._tab.session.tasks.submit(file, work, owner=self._tab, then=self._ended)
+        self.task.begin(file, work, partial(self._download, file))
 
-    def cancel(self) -> None:
-        """Stop writing."""
-        if self.running is not None:
-            self.running.cancel()
-
-    def _ended(self, made: Task[tuple[bytes, str | None]]) -> None:
-        if made.state == "failed":
-            self._tab.notify(Notice(title=f"{made.title} could not be written", text=made.reason, kind="error"))
-        if made.state == "finished":
-            content, note = made.result()
-            self._tab.client.send_file_download(made.title, content, save_immediately=True)
-            self._tab.say(". ".join(filter(None, (f"{made.title}: downloaded", note))), LONG if note else SHORT)
+    def _download(self, file: str, made: tuple[bytes, str | None]) -> None:
+        content, note = made
+        self._tab.client.send_file_download(file, content, save_immediately=True)
+        self._tab.say(". ".join(filter(None, (f"{file}: downloaded", note))), LONG if note else SHORT)
 
     def _parts(self, export: Export) -> list[str]:
         """What tells apart file names of other fits and frames; nothing for the newest fit (or the two that Compare

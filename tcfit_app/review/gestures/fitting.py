@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 from fitting_core.camera import SURE_FOCAL, Camera, FocalFrom
 from fitting_core.config.settings import check
@@ -12,9 +11,9 @@ from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.imports.given import NOTHING, KnownInputs
 from tcfit_app.project.storage.run_record import Given, Run
-from tcfit_app.review.session.tasks import Task, Value
+from tcfit_app.review.session.tasks import Value
 from tcfit_app.review.tab.state import FitSettings
-from tcfit_app.review.tab.tab import Tab
+from tcfit_app.review.tab.tab import OneTask, Tab
 
 FOCAL_SOURCE = "set in the review"
 """Source of a focal length set there."""
@@ -25,8 +24,8 @@ class Fitting:
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
-        self._reading: Task[Any] | None = None
-        """The task that reads what the next fit is given."""
+        self._reading = OneTask(tab)
+        """Reads what the next fit is given."""
 
     def everything(self) -> None:
         """Fit all phases. Raises InputError if a setting is invalid, or the fit cannot be started."""
@@ -75,9 +74,7 @@ class Fitting:
 
     def _read(self, read: Callable[[], Value], then: Callable[[Value], None]) -> None:
         """Read what a fit is given, off the drawing thread, and then start it."""
-        if self._reading is not None and self._reading.state == "running":
-            raise InputError("Still loading the previous fit's start and shape: wait for it.")
-        self._reading = self._tab.begin("Loading the fit's start and shape", lambda report: read(), then)
+        self._reading.begin("Loading the fit's start and shape", lambda report: read(), then)
         self._tab.say("Loading the fit's start and shape …")
 
     def frames(self) -> None:

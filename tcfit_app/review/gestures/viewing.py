@@ -2,19 +2,19 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import viser
 
 from fitting_core.clips.options import ClipOptions
-from fitting_core.errors import InputError
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.imports.uploads import kept_as
 from tcfit_app.project.other_view import ProjectView
 from tcfit_app.project.storage.names import file_name, name_of_file
 from tcfit_app.review.gestures.correcting import Correcting
-from tcfit_app.review.session.tasks import Step, Task
-from tcfit_app.review.tab.tab import Tab
+from tcfit_app.review.session.tasks import Step
+from tcfit_app.review.tab.tab import OneTask, Tab
 
 FOLD = "fit.view"
 """In `TabState.folds` while a view can be named or uploaded."""
@@ -25,16 +25,14 @@ class OtherViews:
 
     def __init__(self, tab: Tab, correcting: Correcting) -> None:
         self._tab, self._correcting = tab, correcting
-        self.going: Task[int] | None = None
-        """The view that was begun last: finding keypoints in its video, and relating it to the clip."""
+        self.task = OneTask(tab)
+        """Finds keypoints in a video, and relates it to the clip."""
 
     def add(self, file: Path | viser.UploadedFile) -> None:
         """Start finding the person in another video, which becomes a view if it shows the same motion."""
         tab, session, name = self._tab, self._tab.session, name_of_file(file.name)
         tab.refuse_read_only()
         session.refuse_without_keypoints()
-        if self.going is not None and self.going.state == "running":
-            raise InputError(f"{self.going.title}: wait for it, or cancel it.")
         clip = session.project.clip
 
         def work(report: Step) -> int:
@@ -49,25 +47,12 @@ class OtherViews:
                 )
                 return session.project.add_view(view, copy_media=path is not file, author=tab.author).id
 
-        then = lambda task: tab.guarded(lambda: self._take_end(task))()  # noqa: E731
-        self.going = session.tasks.submit(f"Adding {name}", work, then=then)
+        self.task.begin(f"Adding {name}", work, partial(self._added, name), writes=True)
 
-    def cancel(self) -> None:
-        """Stop adding; nothing has changed."""
-        if self.going is not None:
-            self.going.cancel()
-
-    def _take_end(self, task: Task[int]) -> None:
-        tab = self._tab
-        if task.state == "cancelled":
-            self.going = None
-            return tab.say(f"{task.title}: cancelled")
-        if task.state == "failed":
-            return tab.notify(Notice(title=f"{task.title}: not possible", text=task.reason, kind="error"))
-        self.going = None
-        tab.set(folds=tab.state.folds - {FOLD})
-        self.show(task.result())
-        tab.session.tell(Notice(title=f"{task.title}: done", text="The next fit uses it.", kind="done"))
+    def _added(self, name: str, number: int) -> None:
+        self._tab.set(folds=self._tab.state.folds - {FOLD})
+        self.show(number)
+        self._tab.session.tell(Notice(title=f"Adding {name}: done", text="The next fit uses it.", kind="done"))
 
     def show(self, number: int) -> None:
         """Show a view beside the picture."""

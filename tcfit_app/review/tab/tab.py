@@ -125,7 +125,7 @@ class Tab:
     def begin(
         self, title: str, work: Work[Value], then: Callable[[Value], None], *, writes: bool = False
     ) -> Task[Value]:
-        """Do slow work off the drawing thread. Errors are shown in the tab.
+        """Do slow work off the drawing thread. Errors and cancelling are shown in the tab.
 
         Args:
             title: What it is.
@@ -136,8 +136,12 @@ class Tab:
         """
 
         def ended(task: Task[Value]) -> None:
-            if task.state != "cancelled":
+            if task.state == "finished":
                 self.guarded(lambda: then(task.result()))()
+            elif task.state == "cancelled":
+                self.say(f"{title}: cancelled")
+            else:
+                self.notify(Notice(title=f"{title}: not possible", text=task.reason, kind="error"))
 
         return self.session.tasks.submit(title, work, owner=None if writes else self, then=ended)
 
@@ -404,6 +408,35 @@ class Tab:
         if shown is not None and shown.id == run.id != corrected.id:
             self.set(b=replace(self.state.b, run=corrected.id))
             self.say(f"Now shows {corrected.name}")
+
+
+class OneTask:
+    """Slow work that a tab begins, one task at a time."""
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
+        self.last: Task[Any] | None = None
+        """The task begun last."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether a task is running."""
+        return self.last is not None and self.last.state == "running"
+
+    def refuse(self) -> None:
+        """Raise InputError while a task is running."""
+        if self.last is not None and self.busy:
+            raise InputError(f"{self.last.title}: wait for it, or cancel it.")
+
+    def begin(self, title: str, work: Work[Value], then: Callable[[Value], None], *, writes: bool = False) -> None:
+        """See `Tab.begin`. Raises InputError while another task is running."""
+        self.refuse()
+        self.last = self._tab.begin(title, work, then, writes=writes)
+
+    def cancel(self) -> None:
+        """Stop at the work's next step; nothing has changed then."""
+        if self.last is not None:
+            self.last.cancel()
 
 
 def remember(kept: dict[str, Any], name: str, value: object) -> None:

@@ -10,8 +10,8 @@ import viser
 from fitting_core.errors import InputError
 from tcfit_app.review.panels.elements.field import for_writers
 from tcfit_app.review.panels.elements.html import Board, Html, button, row
-from tcfit_app.review.session.tasks import Task, Work
-from tcfit_app.review.tab.tab import Tab
+from tcfit_app.review.session.tasks import Work
+from tcfit_app.review.tab.tab import OneTask, Tab
 from tcfit_app.server.viser_bridge import put_back
 
 Value = TypeVar("Value")
@@ -55,7 +55,7 @@ class FileInput:
         hint: str = "",
     ) -> None:
         self._tab, self._command, self._take, self._missing = tab, command, take, missing
-        self._label, self._hint, self._path, self._reading, gui = button, hint, path, None, tab.client.gui
+        self._label, self._hint, self._path, self._reading, gui = button, hint, path, OneTask(tab), tab.client.gui
         self._fields: dict[str, Any] = {
             one.label: gui.add_dropdown(one.label, one.options, hint=one.hint)
             if one.options
@@ -89,18 +89,17 @@ class FileInput:
 
     def _begin(self, file: Path | viser.UploadedFile) -> None:
         self._tab.refuse_read_only()
-        if self.busy:
-            raise InputError("Another file is still being read: wait for it.")
+        self._reading.refuse()
         self._take(file)
 
     def read(self, title: str, work: Work[Value], then: Callable[[Value], None], *, writes: bool = False) -> None:
         """Read the file in a task; arguments as in `Tab.begin`."""
-        self._reading: Task[Any] | None = self._tab.begin(title, work, then, writes=writes)
+        self._reading.begin(title, work, then, writes=writes)
 
     @property
     def busy(self) -> bool:
         """Whether a file is being read."""
-        return self._reading is not None and self._reading.state == "running"
+        return self._reading.busy
 
     def draw(self, *others: Html, on: bool = True) -> None:
         """Update it.

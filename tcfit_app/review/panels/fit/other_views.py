@@ -53,13 +53,12 @@ class ViewList:
 
     def draw(self) -> None:
         """Send what changed."""
-        session, task = self._tab.session, self._gestures.views.going
+        session = self._tab.session
         views = session.views.values()
         writable = session.project.has_detections and not session.project.read_only
         self._views.show(*([heading("Other views"), table(map(self._line, views))] if views else []))
-        busy = task is not None and task.state == "running"
         if self._fold.draw("Add another view of the same person", on=writable):
-            self._file.draw(on=not busy)
+            self._file.draw(on=not self._gestures.views.task.busy)
             self._going.show(*self._progress())
 
     def _line(self, view: ProjectView) -> Html:
@@ -87,11 +86,11 @@ class ViewList:
 
     def _progress(self) -> list[Html]:
         """How far it is, or why a video was refused."""
-        task = self._gestures.views.going
-        if task is None or task.state == "finished":
+        task = self._gestures.views.task.last
+        if task is None or task.state in ("finished", "cancelled"):
             return []
         if task.state == "failed":
             return [paragraph(task.reason, "bad")]
         doing = "Stopping …" if task.stopping else f"{task.title}: {task.words} …"
-        stop = button("Cancel", "view.cancel", do=self._gestures.views.cancel, disabled=task.stopping, kind="danger")
+        stop = button("Cancel", "view.cancel", do=task.cancel, disabled=task.stopping, kind="danger")
         return [paragraph(doing), progress_bar(task.share or 0.0), row(stop)]

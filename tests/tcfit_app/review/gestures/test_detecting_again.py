@@ -201,7 +201,7 @@ def test_what_goes_wrong_is_told_with_what_to_do(tested: LonePage, monkeypatch: 
     tested.press("action", "detect_face")
     tested.settle()
     (told,) = tested.notices
-    assert told.title == "Detecting the face again failed" and "tcfit models add mediapipe" in told.text
+    assert told.title == "Detecting the face again: not possible" and "tcfit models add mediapipe" in told.text
 
 
 def test_without_a_video_nothing_is_offered(panel_server: viser.ViserServer, tmp_path: Path, looking: Looking):

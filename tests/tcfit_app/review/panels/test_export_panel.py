@@ -65,7 +65,7 @@ def downloaded(tested: LonePage, name: str) -> bytes:
     """What the browser gets of an export."""
     tested.downloads.clear()
     tested.press("export.begin", name)
-    running = tested.page.gestures.exporting.running
+    running = tested.page.gestures.exporting.task.last
     tested.settle()
     assert running is not None
     assert running.state == "finished", running.reason
@@ -79,7 +79,7 @@ def test_files_are_downloaded(panel_of: Opener):
     assert tested.button("Summary").disabled and not tested.button("OpenPose").disabled
     assert "There is no finished fit yet." in tested.html() and "Go to Fit" in tested.html()
     tested.page.receive(Press("export.begin", "summary"))
-    assert exporting.running is None, "a button that is off does nothing"
+    assert exporting.task.last is None, "a button that is off does nothing"
     with pytest.raises(InputError, match="no finished fit to export"):
         exporting.begin("summary")
     tested.fit()
@@ -224,7 +224,7 @@ def test_an_export_can_be_cancelled(panel_of: Opener, monkeypatch: pytest.Monkey
     tested.press("export.begin", "odd")
     shown = lambda: [message for message in tested.page.header.status.messages(0.0, "") if message.progress]  # noqa: E731
     tested.until(lambda: shown() and shown()[0].progress == 0.5)
-    with pytest.raises(InputError, match="is still being made"):
+    with pytest.raises(InputError, match="wait for it"):
         tested.press("export.begin", "odd")
     (message,) = shown()
     assert "clip.x: being written" in message.text and message.cancel is not None
@@ -243,7 +243,7 @@ def test_why_an_export_fails_is_told(panel_of: Opener, monkeypatch: pytest.Monke
 def test_an_export_ends_with_its_tab(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
     tested = exporting(panel_of, monkeypatch, endless)
     tested.press("export.begin", "odd")
-    running = tested.page.gestures.exporting.running
+    running = tested.page.gestures.exporting.task.last
     assert running is not None
     tested.page.close()
     tested.until(lambda: running.state == "cancelled")
