@@ -1,7 +1,8 @@
 """The Export panel: files of the project and its fits, as browser downloads."""
 
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import ClassVar, get_args
+from typing import Any, ClassVar, get_args
 
 import viser
 
@@ -17,7 +18,6 @@ from tcfit_app.review.panels.elements.html import (
     action,
     button,
     choice,
-    choices,
     heading,
     joined,
     paragraph,
@@ -58,18 +58,38 @@ class ExportPanel:
         exporting, wishes, shown = self._exporting, self._exporting.wishes, []
         if exporting.compared:
             fits = {side: f"{side.upper()}: {fit.title_with_pass}" for side, fit in exporting.fits.items()}
-            take, pressed = (lambda side: exporting.wish(side=side)), (lambda side: side == exporting.side)
-            shown += choices("export.side", fits, take, pressed, kind="tall")
+            shown += self._choices("side", fits, exporting.side, kind="tall")
         elif (fit := exporting.fits.get("b")) is None:
             shown += [paragraph("There is no finished fit yet."), row(action(self._gestures, "panel_fit", "Go to Fit"))]
         elif fit is not self._tab.shown.b:
             shown.append(paragraph(f"{fit.title}: the last finished fit", "dim"))
         if (selected := self._tab.state.frames) is not None:
-            parts = {"all": "Whole clip", "selected": capitalized(in_words(selected, self._tab.first_frame))}
-            take = lambda part: exporting.wish(selected=part == "selected")  # noqa: E731
-            pressed = lambda part: wishes.selected == (part == "selected")  # noqa: E731
-            shown.append(row(choice(*choices("export.frames", parts, take, pressed))))
+            parts = {False: "Whole clip", True: capitalized(in_words(selected, self._tab.first_frame))}
+            shown.append(row(choice(*self._choices("selected", parts, wishes.selected))))
         return shown
+
+    def _choices(
+        self,
+        wish: str,
+        values: Mapping[Any, object],
+        now: object,
+        *,
+        hint: Callable[[str], str] = lambda value: "",
+        kind: str = "",
+    ) -> list[Html]:
+        """A button for each value of one of the `Wishes`."""
+        return [
+            button(
+                label,
+                f"export.{wish}",
+                f"{value}",
+                do=partial(self._exporting.wish, **{wish: value}),
+                pressed=value == now,
+                hint=hint(value),
+                kind=kind,
+            )
+            for value, label in values.items()
+        ]
 
     def _button(self, name: str, label: object, hint: str, kind: str = "") -> Html:
         why = refusal(self._exporting.refuse, name)
@@ -103,22 +123,11 @@ class ExportPanel:
         return f"Axes and view{': ' if changed else ''}{', '.join(changed)}"
 
     def _of_axes(self) -> list[Html]:
-        exporting, wishes = self._exporting, self._exporting.wishes
-        own_world = self._tab.session.project.footage.camera.world is not None
-        axes = choices(
-            "export.axes",
-            {value: label for value, label in AXES_CHOICES.items() if value != OWN_WORLD or own_world},
-            lambda value: exporting.wish(axes=value),
-            lambda value: wishes.axes == value,
-            hint=_axes_hint,
-        )
-        views = choices(
-            "export.view",
-            {value: label for value, (label, _) in VIEW_CHOICES.items()},
-            lambda value: exporting.wish(view=value),
-            lambda value: wishes.view == value,
-            hint=lambda value: VIEW_HINT,
-        )
+        wishes, own_world = self._exporting.wishes, self._tab.session.project.footage.camera.world is not None
+        known = {value: label for value, label in AXES_CHOICES.items() if value != OWN_WORLD or own_world}
+        axes = self._choices("axes", known, wishes.axes, hint=_axes_hint)
+        labels = {value: label for value, (label, _) in VIEW_CHOICES.items()}
+        views = self._choices("view", labels, wishes.view, hint=lambda value: VIEW_HINT)
         return [row(choice(*axes), label="Axes"), row(choice(*views), label="View")]
 
 

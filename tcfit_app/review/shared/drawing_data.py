@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Float32
+from jaxtyping import Bool, Float, Float32, Int
 
 from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
@@ -223,8 +223,7 @@ class DrawingData:
             return None
 
         def made() -> Room:
-            there = np.arange(len(shown.params)) if shown.there is None else np.flatnonzero(shown.there)
-            sample = there[:: -(-len(there) // _SAMPLED)].tolist()
+            sample = _sample(shown).tolist()
             return room_around(shown.camera[sample].to_still(meshes.batch(shown.params[sample])), level)
 
         level = self.level(held)
@@ -235,8 +234,7 @@ class DrawingData:
         meshes, rate = self.meshes(shown), self.session.project.footage.frame_rate
 
         def made() -> float:
-            there = np.arange(len(shown.params)) if shown.there is None else np.flatnonzero(shown.there)
-            sample = there[:: -(-len(there) // _SAMPLED)]
+            sample = _sample(shown)
             return scale_of(view, meshes.body_points(shown.params[sample.tolist()]), sample / rate)
 
         if shown.there is not None and not shown.there.any():
@@ -378,6 +376,12 @@ class DrawingData:
             "suspects": (self._findings_key, self._suspects_key),
         }
         return next((why for key in keys[what] if (why := self.tasks.problem(key(shown)))), "")
+
+
+def _sample(shown: Shown) -> Int[np.ndarray, "n"]:
+    """Some frames that have a pose."""
+    there = np.arange(len(shown.params)) if shown.there is None else np.flatnonzero(shown.there)
+    return there[:: -(-len(there) // _SAMPLED)]
 
 
 def _stage(shown: Shown) -> Hashable:

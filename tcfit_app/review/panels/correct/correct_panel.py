@@ -1,6 +1,5 @@
 """The Correct panel: what can be done with the selected keypoints, and the corrections made."""
 
-from datetime import datetime
 from functools import partial
 from typing import ClassVar
 
@@ -33,6 +32,7 @@ from tcfit_app.review.panels.elements.html import (
     table,
 )
 from tcfit_app.review.panels.elements.selected_frames import unseen
+from tcfit_app.review.panels.fit.fit_texts import when
 from tcfit_app.review.tab.tab import Tab
 
 _BY_NAME = "Find by name"
@@ -185,16 +185,16 @@ class CorrectPanel:
 
 def history(tab: Tab) -> Html:
     """The latest edits, newest first; a row leads to its frame, and undone edits are marked."""
-    edits, now = tab.session.project.last_said(SHOWN), datetime.now().astimezone()
-    return table(_edit_line(tab, entry, now) for entry in edits) if edits else paragraph("No corrections yet.", "dim")
+    edits = tab.session.project.last_said(SHOWN)
+    return table(_edit_line(tab, entry) for entry in edits) if edits else paragraph("No corrections yet.", "dim")
 
 
-def _edit_line(tab: Tab, entry: LogEntry, now: datetime) -> Html:
+def _edit_line(tab: Tab, entry: LogEntry) -> Html:
     edit, done, first = entry.action, tab.session.project.standing.stood(entry.id), tab.first_frame
     assert not isinstance(edit, Undo | Redo)
     visit = opener(describe(edit, first), "correct.visit", str(entry.id), partial(_visit, tab, edit))
     return line(
-        _when(entry.time, now),
+        when(entry.time),
         whose(entry.author, tab.author),
         visit,
         whole=(0, 1),
@@ -209,8 +209,3 @@ def _visit(tab: Tab, edit: Said) -> None:
     tab.seek(edit.frames[0])
     if not isinstance(edit, Remark):
         tab.set(selection=edit.joints)
-
-
-def _when(time: datetime, now: datetime) -> str:
-    local = time.astimezone(now.tzinfo)
-    return local.strftime("%H:%M") if local.date() == now.date() else local.strftime("%d %b")

@@ -5,9 +5,9 @@ is escaped here; only what the functions of this file return is taken as HTML.
 """
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from html import escape
 from typing import Any, Literal, TypeVar
 
@@ -223,39 +223,6 @@ def _line_of(item: Item | None, command: str, above: str, presses: Presses) -> d
     elif not item.obstacle:
         presses[command, value] = item.do
     return made
-
-
-def choices(
-    command: str,
-    values: Mapping[Value, object],
-    take: Callable[[Value], object],
-    pressed: Callable[[Value], bool],
-    *,
-    hint: Callable[[Value], str] = lambda value: "",
-    kind: str = "",
-) -> list[Html]:
-    """A button for each of some values.
-
-    Args:
-        command: As in `button`, for all of them.
-        values: The values and their labels.
-        take: Receives the value of a button.
-        pressed: Whether a value is the current one.
-        hint: A value's tooltip.
-        kind: As in `button`.
-    """
-    return [
-        button(
-            label,
-            command,
-            "" if value is None else f"{value}",
-            do=partial(take, value),
-            pressed=pressed(value),
-            hint=hint(value),
-            kind=kind,
-        )
-        for value, label in values.items()
-    ]
 
 
 @cache

@@ -106,7 +106,7 @@ def test_files_are_downloaded(panel_of: Opener):
 def test_run_frames_and_axes_are_chosen(panel_of: Opener):
     tested = opened(panel_of)
     tested.fit()
-    assert "export.frames" not in tested.html() and "export.side" not in tested.html()
+    assert "export.selected" not in tested.html() and "export.side" not in tested.html()
     tested.page.tab.set(frames=range(2, 5), mode="ab")
     tested.click("Frames 2–4")
     tested.press("export.side", "a")
@@ -171,7 +171,7 @@ def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of
     assert [name(export) for export in ("npz", "figures", "pose")] == [".smplx.npz", ".figures.csv", ".pose"]
     tested.page.tab.set(frames=range(2, 5), mode="ab")
     tested.press("export.side", "a")
-    tested.press("export.frames", "selected")
+    tested.press("export.selected", "True")
     assert name("npz") == "-fit1-first-pass-2-4.smplx.npz"
     assert name("figures") == "-2-4.figures.csv", "it shows A and B"
     assert name("pose") == "-2-4.pose"
