@@ -5,12 +5,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, UInt8
 
 from fitting_core.camera import Camera, FocalFrom, Vertical, focal_from_35mm
 from fitting_core.errors import InputError
 from fitting_core.ground.gravity import gravity_before_fit, rolled_views, told_gravity
-from fitting_core.ground.lines import POSSIBLE_FOCALS, LineEvidence, along_three, edge_lengths, edges_of, line_evidence
+from fitting_core.ground.lines import (
+    POSSIBLE_FOCALS,
+    LineEvidence,
+    along_three,
+    bend_of,
+    edges_of,
+    line_evidence,
+    share_seen,
+    unbent,
+)
 from fitting_core.image_border import seen_confidence
 from fitting_core.keypoints import Keypoints
 from fitting_core.lifting.clip_lifting import lift
@@ -19,14 +28,19 @@ from fitting_core.video.sampled import SampledPictures
 _USUAL_MM, _SPREAD = 32.0, 0.25
 """Prior over cameras: 35 mm equivalent, and standard deviation of its logarithm. Phones have 24 to 28 mm, and filming
 crops a little; cameras are longer. The mean error over 16 real clips is 0.15."""
-_LEAST_SPREAD = 0.06
-"""Of an estimate's logarithm: 19 of 23 held-out photographs were nearer than this."""
+_LEAST_SPREAD, _LEAST_MOVING = 0.06, 0.1
+"""Of an estimate's logarithm: 19 of 23 held-out photographs were nearer than this. Pictures of a camera that moves are
+blurred and skewed, and no such clip with a known lens was at hand."""
 _FEW = 0.2
 """Standard deviation above which the user reads that the edges are few."""
 _LEAST_DEVIATION, _MOST_DEVIATION = 1.0, 3.0
 """Degrees: of a vertical from edges at least, and above which it is not used."""
-_MOVED = 0.5
-"""Length of the median picture's edges over that of single frames below which the camera moved."""
+_STILL = 0.3
+"""Share of the median picture's edges that each frame has in the same place, unless the camera moved: at least 0.86 on
+room clips, 0.43 on signers who fill the picture."""
+_BENT, _SURELY = 0.02, 3.0
+"""Bend of a lens, and its standard deviations, above which it counts: below, it changes no focal length by more than
+their least spread."""
 _ONE_IN_TEN = 1.2816
 """Standard deviations."""
 _ROUNDS = 2
@@ -51,12 +65,15 @@ def straight_lines(camera: Camera, video: Path, frames: Sequence[int]) -> Straig
         video: A video file or a folder of images.
         frames: Numbers of the clip's frames in it.
     """
-    edges = None if camera.path is not None else _still_edges(SampledPictures(video, frames, camera))
-    edges = np.zeros((0, 4)) if edges is None else edges
+    sampled = SampledPictures(video, frames, camera)
+    pictures, still = _pictures(sampled)
+    if camera.path is not None or not still:
+        return StraightLines(edges=np.zeros((0, 4)), along=np.zeros(0, bool))
+    edges, straight = _edges(pictures[0], sampled.scale, camera)
     gravity = told_gravity(camera)
     along = np.zeros(len(edges), bool)
     if gravity is not None:
-        along = along_three(edges, camera.focal[0], camera.center, gravity.up)
+        along = along_three(straight, camera.focal[0], camera.center, gravity.up)
     return StraightLines(edges=edges, along=along)
 
 
@@ -71,40 +88,50 @@ def camera_from_pictures(
     """The camera with the focal length and the vertical that its pictures tell.
 
     Args:
-        camera: Of the clip. One that moves stays as it is, except for a focal length.
+        camera: Of the clip. With a path, it stays as it is but for a usual focal length. Pictures that move without one
+            tell a focal length and no vertical.
         keypoints: Of the whole clip, straightened.
         frame_rate: Frames per second.
         pictures: Of the clip, if it has any.
         estimate: Whether the focal length is estimated; otherwise the camera's own holds.
     """
     up_known = camera.world is not None and camera.world.up is not None
-    edges = None
+    edges, still = list[Float[np.ndarray, "n 4"]](), True
     if pictures and camera.path is None and (estimate or not up_known) and (keypoints.confidence > 0).any():
-        edges = _still_edges(pictures)
+        shown, still = _pictures(pictures)
+        edges = [_edges(picture, pictures.scale, camera)[1] for picture in shown if estimate or still]
     usual = _estimated(camera, float(np.log(focal_from_35mm(_USUAL_MM, camera.size))), _SPREAD) if estimate else camera
     found = usual
     for _ in range(_ROUNDS if estimate else 1):
-        evidence = None if edges is None else _evidence(edges, found, keypoints, frame_rate, free=estimate)
+        evidence = _evidence(edges, found, keypoints, frame_rate, free=estimate)
         if evidence is None:
             return usual
         share = _posterior(evidence, usual)
         if estimate:
             log = np.log(evidence.focals)
             mean = float(share @ log)
-            found = _estimated(camera, mean, float(np.hypot(np.sqrt(share @ (log - mean) ** 2), _LEAST_SPREAD)))
-    return found if up_known else _with_vertical(found, evidence, share)
+            least = _LEAST_SPREAD if still else _LEAST_MOVING
+            found = _estimated(camera, mean, float(np.hypot(np.sqrt(share @ (log - mean) ** 2), least)))
+    return found if up_known or not still else _with_vertical(found, evidence, share)
 
 
 def _evidence(
-    edges: Float[np.ndarray, "n 4"], camera: Camera, keypoints: Keypoints, frame_rate: float, *, free: bool
+    edges: Sequence[Float[np.ndarray, "n 4"]], camera: Camera, keypoints: Keypoints, frame_rate: float, *, free: bool
 ) -> LineEvidence | None:
-    """What the edges tell, around the vertical that the person tells."""
+    """What the edges of one picture or several tell, around the vertical that the person tells; None if nothing."""
+    if not edges:
+        return None
     confidence = seen_confidence(keypoints, camera)
     lifted = lift(keypoints.xy, confidence, camera, frame_rate, calibrated=camera.calibrated)
     rolled = rolled_views(keypoints.xy, confidence, camera, frame_rate)
     gravity = gravity_before_fit(lifted, confidence, camera, rolled)
     focals = POSSIBLE_FOCALS * max(camera.size) if free else np.array(camera.focal[:1])
-    return line_evidence(edges, focals, camera.center, gravity)
+    found = [line_evidence(own, focals, camera.center, gravity) for own in edges]
+    telling = [one for one in found if one is not None and len(one.focals) == len(focals)]
+    if not telling:
+        return found[0]
+    # Pictures of one place are not independent: their mean, not their sum.
+    return replace(telling[0], log_likelihood=np.mean([one.log_likelihood for one in telling], axis=0))
 
 
 def _posterior(evidence: LineEvidence, usual: Camera) -> Float[np.ndarray, "F"]:
@@ -138,13 +165,31 @@ def _with_vertical(camera: Camera, evidence: LineEvidence, share: Float[np.ndarr
     return replace(camera, vertical=Vertical(up=(x, y, z), deviation=deviation))
 
 
-def _still_edges(sampled: SampledPictures) -> Float[np.ndarray, "n 4"] | None:
-    """Edges of what stands still in the straightened pictures; None if the camera moved, or the video is unreadable."""
+def _pictures(sampled: SampledPictures) -> tuple[UInt8[np.ndarray, "n h w"], bool]:
+    """The median of the straightened pictures, and True; if the camera moved, a few of them, and False.
+
+    None of them if the video is unreadable.
+    """
     try:
         pictures = sampled.stacked()
     except InputError:  # a keypoint file beside a broken video
-        return None
-    middle = len(pictures) // 2
-    edges, alone = (edges_of(picture) for picture in (np.partition(pictures, middle, 0)[middle], pictures[middle]))
-    moved = edge_lengths(edges).sum() < _MOVED * edge_lengths(alone).sum()
-    return None if moved else edges / sampled.scale
+        return np.zeros((0, 1, 1), np.uint8), False
+    count = len(pictures)
+    median = np.partition(pictures, count // 2, 0)[count // 2]
+    edges = edges_of(median)
+    if min(share_seen(median, edges, picture) for picture in pictures) >= _STILL:
+        return median[None], True
+    return pictures[[count // 6, count // 2, 5 * count // 6]], False
+
+
+def _edges(
+    picture: UInt8[np.ndarray, "h w"], scale: float, camera: Camera
+) -> tuple[Float[np.ndarray, "n 4"], Float[np.ndarray, "n 4"]]:
+    """Edges of a straightened picture, in pixels of the frame, and as they are without what bend is left in it."""
+    x, y = camera.center
+    found = edges_of(picture)
+    bend, deviation = bend_of(picture, found, (x * scale, y * scale))
+    edges = found / scale
+    if abs(bend) < max(_BENT, _SURELY * deviation):
+        return edges, edges
+    return edges, unbent(edges, bend, camera.center, camera.size)

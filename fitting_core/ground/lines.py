@@ -34,6 +34,12 @@ _CANDIDATES, _APART = 14, 0.9
 _HEADINGS = np.radians(np.arange(0.0, 90.0, 1.0))
 _ALONG = 2.0
 """Standard deviations within which an edge runs along a direction."""
+_ALONG_EDGE = np.linspace(-0.92, 0.92, 24)
+"""Where grey values beside an edge are read: -1 is its begin, 1 its end."""
+_ACROSS, _BESIDE = np.arange(-4.0, 4.1, 0.5), np.array([-2.0, 2.0])
+"""Pixels to both sides of an edge, among which its step is looked for; and beside it."""
+_PRECISION = 0.05
+"""Pixels: deviation of an edge's curvature, as the height of its arc, at least."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,6 +68,91 @@ def edges_of(picture: UInt8[np.ndarray, "h w"]) -> Float[np.ndarray, "n 4"]:
 def edge_lengths(edges: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n"]:
     """Pixels."""
     return np.hypot(*(edges[:, 2:] - edges[:, :2]).T)
+
+
+def share_seen(
+    picture: UInt8[np.ndarray, "h w"], edges: Float[np.ndarray, "n 4"], elsewhere: UInt8[np.ndarray, "h w"]
+) -> float:
+    """Share of a picture's edges, by length, that another picture has in the same place; 0 without edges.
+
+    Args:
+        picture: Grey.
+        edges: From `edges_of`.
+        elsewhere: The other picture.
+    """
+    if not len(edges):
+        return 0.0
+    step, other = (np.diff(_beside(p, edges, _BESIDE).mean(1), axis=1)[:, 0] for p in (picture, elsewhere))
+    seen = other * np.sign(step) > 0.5 * np.abs(step)
+    return float(edge_lengths(edges[seen]).sum() / edge_lengths(edges).sum())
+
+
+def bend_of(
+    picture: UInt8[np.ndarray, "h w"], edges: Float[np.ndarray, "n 4"], center: tuple[float, float]
+) -> tuple[float, float]:
+    """How much the lens bends straight edges, and its standard deviation; 0 and infinity without edges.
+
+    In the division model (A. Fitzgibbon, CVPR 2001) a point at radius r, in half diagonals of the picture, belongs at
+    r / (1 + b r^2). An edge of length l that passes the centre at distance p then is an arc of height b p l^2 / 4. The
+    bend is the weighted median over all edges: some of them are round.
+
+    Args:
+        picture: Grey.
+        edges: From `edges_of`.
+        center: Its principal point, pixels.
+    """
+    if not len(edges):
+        return 0.0, np.inf
+    grey = _beside(picture, edges, _ACROSS)
+    step = grey[..., 4:] - grey[..., :-4]
+    step = np.maximum(step * np.sign(step.sum((1, 2), keepdims=True)), 0) ** 2 + 1e-6
+    off = (step * _ACROSS[2:-2]).sum(-1) / step.sum(-1)
+    arc = np.stack([np.ones_like(_ALONG_EDGE), _ALONG_EDGE, 1 - _ALONG_EDGE**2], 1)
+    heights = np.linalg.pinv(arc)
+    fitted = off @ heights.T
+    noise = (off - fitted @ arc.T).std(1) * np.linalg.norm(heights[2]) + _PRECISION
+    length, passing = edge_lengths(edges), ((edges[:, :2] + edges[:, 2:]) / 2 - center) * _across(edges)
+    lever = -passing.sum(1) * (length / np.hypot(*picture.shape)) ** 2
+    lever[np.abs(lever) < 1e-6] = 1e-6
+    bends, weight = fitted[:, 2] / lever, np.abs(lever) / noise
+    order = np.argsort(bends)
+    bend = float(bends[order][np.searchsorted(np.cumsum(weight[order]), weight.sum() / 2)])
+    scatter = np.median(np.abs(fitted[:, 2] - bend * lever) / noise) / 0.6745
+    return bend, float(np.sqrt(np.pi / 2) * scatter / np.linalg.norm(weight))
+
+
+def _across(edges: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 2"]:
+    """Unit normals of edges in the picture."""
+    x, y = (edges[:, 2:] - edges[:, :2]).T
+    return np.stack([-y, x], 1) / np.hypot(x, y)[:, None]
+
+
+def _beside(
+    picture: UInt8[np.ndarray, "h w"], edges: Float[np.ndarray, "n 4"], off: Float[np.ndarray, "k"]
+) -> Float[np.ndarray, "n 24 k"]:
+    """Grey values along edges, at some distances in pixels to their sides."""
+    begin, along = edges[:, None, :2], edges[:, None, 2:] - edges[:, None, :2]
+    points = begin + (1 + _ALONG_EDGE[:, None]) / 2 * along
+    points = (points[:, :, None] + off[:, None] * _across(edges)[:, None, None] - 0.5).astype(np.float32)
+    x, y = np.moveaxis(points.reshape(len(edges), -1, 2), -1, 0)
+    grey = cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return grey.reshape(points.shape[:3]).astype(float)
+
+
+def unbent(
+    edges: Float[np.ndarray, "n 4"], bend: float, center: tuple[float, float], size: tuple[int, int]
+) -> Float[np.ndarray, "n 4"]:
+    """Edges as a lens without distortion shows them.
+
+    Args:
+        edges: Of a picture.
+        bend: From `bend_of`.
+        center: The picture's principal point, pixels.
+        size: Its width and height, pixels.
+    """
+    ends = edges.reshape(-1, 2) - center
+    radius = np.linalg.norm(ends, axis=1, keepdims=True) / (0.5 * np.hypot(*size))
+    return (ends / (1 + bend * radius**2) + center).reshape(-1, 4)
 
 
 def line_evidence(

@@ -11,11 +11,12 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from fitting_core import keypoints as kp
-from fitting_core.camera import Camera, FocalFrom, World, focal_from_35mm
+from fitting_core.camera import Camera, CameraPath, FocalFrom, Lens, World, focal_from_35mm
 from fitting_core.ground.from_pictures import camera_from_pictures, straight_lines
 from fitting_core.ground.gravity import Gravity, angles_to
-from fitting_core.ground.lines import POSSIBLE_FOCALS, line_evidence
+from fitting_core.ground.lines import POSSIBLE_FOCALS, bend_of, edges_of, line_evidence, unbent
 from fitting_core.keypoints import Keypoints
+from fitting_core.lens import filmed
 from fitting_core.video.frames import FrameSource
 from fitting_core.video.sampled import SampledPictures
 from tests.samples.walkers import CAMERA, RATE, walker
@@ -89,16 +90,20 @@ def walking() -> Keypoints:
     return Keypoints(xy=xy, confidence=confidence)
 
 
-def film(folder: Path, *, moving: bool = False) -> Path:
-    """Five pictures of a room, from the walker's camera; a moving one shows other parts of it."""
+def film(folder: Path, *, moving: bool = False, k1: float = 0.0) -> Path:
+    """Five pictures of a room, from the walker's camera; a moving one shows other parts of it in the last."""
     folder.mkdir()
+    lens = Lens(focal=CAMERA.focal, center=CENTER, distortion=(k1, 0.0, 0.0, 0.0))
     turn = np.column_stack([[1.0, 0, 0], walker(2).up, np.cross([1.0, 0, 0], walker(2).up)])
     for number in range(5):
-        heading = Rotation.from_euler("y", 30 + 20 * number * moving, degrees=True).as_matrix()
-        edges = edges_in(CAMERA.focal[0], turn @ heading, np.random.default_rng(5 + number * moving), of_room=90)[:90]
+        heading = Rotation.from_euler("y", 30 + 20 * (number == 4) * moving, degrees=True).as_matrix()
+        edges = edges_in(
+            CAMERA.focal[0], turn @ heading, np.random.default_rng(5 + (number == 4) * moving), of_room=90
+        )[:90]
         picture = np.full((SIZE[1], SIZE[0]), 90, np.uint8)
-        for x, y, x2, y2 in (edges * 16).astype(int):
-            cv2.line(picture, (x, y), (x2, y2), 230, 5, cv2.LINE_AA, 4)
+        for edge in edges:
+            points = filmed(lens, np.linspace(edge[:2], edge[2:], 30))
+            cv2.polylines(picture, [(points * 16).astype(np.int32)], False, 230, 5, cv2.LINE_AA, 4)
         cv2.imwrite(str(folder / f"{number}.png"), picture)
     return folder
 
@@ -139,18 +144,54 @@ def test_a_calibrated_pose_is_kept(tmp_path: Path):
     assert read_camera(film(tmp_path / "room"), placed, estimate=False) == placed
 
 
-@pytest.mark.parametrize("scene", ["moving", "grey", "no video", "no pictures"])
+@pytest.mark.parametrize("k1", [-0.25, -0.1])
+def test_a_lens_that_bends_is_found_and_tells_as_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, k1: float):
+    video = film(tmp_path / "room", k1=k1)
+    picture = SampledPictures(video, range(5), UNKNOWN).stacked()[0]
+    bend, deviation = bend_of(picture, edges_of(picture), CENTER)
+    corner = np.hypot(*CENTER) / CAMERA.focal[0]
+    assert abs(bend - k1 * corner**2) < 0.25 * abs(k1) * corner**2 and deviation < 0.2 * abs(bend)
+    found = read_camera(video)
+    off = abs(np.log(found.focal[0] / CAMERA.focal[0]))
+    assert off < 0.06 and found.focal_deviation is not None and found.focal_deviation < 0.1
+    assert found.vertical is not None and angles_to(np.array(found.vertical.up), walker(2).up) < 1.5
+    monkeypatch.setattr("fitting_core.ground.from_pictures._BENT", 9.0)
+    bent = read_camera(video)
+    assert abs(np.log(bent.focal[0] / CAMERA.focal[0])) > off + 0.02
+
+
+def test_a_straight_lens_bends_nothing(tmp_path: Path):
+    picture = SampledPictures(film(tmp_path / "room"), range(5), UNKNOWN).stacked()[0]
+    edges = edges_of(picture)
+    bend, deviation = bend_of(picture, edges, CENTER)
+    assert abs(bend) < 0.01 and deviation < 0.01
+    assert bend_of(picture, edges[:0], CENTER) == (0.0, np.inf)
+    np.testing.assert_array_equal(unbent(edges, 0.0, CENTER, SIZE), edges)
+
+
+def test_pictures_of_a_camera_that_moves_tell_the_lens_but_no_vertical(tmp_path: Path):
+    """Even if it stands for most of the clip."""
+    found = read_camera(film(tmp_path / "turned", moving=True))
+    assert abs(np.log(found.focal[0] / CAMERA.focal[0])) < 0.1 and "from straight lines" in found.source
+    assert found.vertical is None and found.focal_deviation is not None and 0.1 <= found.focal_deviation < 0.2
+    known = read_camera(tmp_path / "turned", CAMERA, estimate=False)
+    assert known == CAMERA
+
+
+@pytest.mark.parametrize("scene", ["path", "grey", "no video", "no pictures"])
 def test_without_lines_a_usual_lens_is_assumed(tmp_path: Path, scene: str):
     video: Path | None = tmp_path / "film"
-    if scene == "moving":
-        video = film(tmp_path / "film", moving=True)
+    camera = UNKNOWN
+    if scene == "path":
+        video, still = film(tmp_path / "film"), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        camera = replace(UNKNOWN, path=CameraPath(rotation=(still,) * 24, translation=((0.0, 0.0, 0.0),) * 24))
     elif scene == "grey":
         (tmp_path / "film").mkdir()
         for number in range(5):
             cv2.imwrite(str(tmp_path / f"film/{number}.png"), np.full((SIZE[1], SIZE[0]), 90, np.uint8))
     elif scene == "no video":
         video = None
-    found = read_camera(video)
+    found = read_camera(video, camera)
     assert found.focal[0] == pytest.approx(focal_from_35mm(32, SIZE)) and found.vertical is None
     assert not found.calibrated and found.focal_from is FocalFrom.ESTIMATED
     assert "typical of phones and cameras, with 80 % confidence between 788 and 1496 px" in found.source
