@@ -142,6 +142,16 @@ class LonePage:
 
     # --- fits ---
 
+    @property
+    def last_edit(self) -> Any:
+        """What was written into the log last."""
+        return self.page.tab.session.project.log[-1].action
+
+    def idle(self) -> None:
+        """Until no fit is running, and none follows an edit."""
+        session = self.page.tab.session
+        self.until(lambda: not session.jobs and not session.edit_follower.busy)
+
     def until(self, there: Callable[[], object]) -> None:
         """Take the worker's news, and draw, until something is there."""
         end, drawn = time.monotonic() + PATIENCE, 0.0

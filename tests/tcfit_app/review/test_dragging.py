@@ -98,7 +98,7 @@ def test_a_run_that_has_corrections_gets_no_second_run_of_them(tested: LonePage,
     tab.set(b=FitChoice(run=run.id), frame=0, selection=(WRIST,))
     if by_key:
         tested.page.gestures.correcting.nudge(30.0, 0.0)
-        tested.until(lambda: not session.jobs and not session.edit_follower.busy)
+        tested.idle()
     else:
         corrected(30.0)
     second = tab.look().b

@@ -29,10 +29,6 @@ def tested(fitted_page: LonePage) -> LonePage:
     return fitted_page
 
 
-def last_edit(tested: LonePage) -> object:
-    return tested.page.tab.session.project.log[-1].action
-
-
 def corrected(tested: LonePage) -> Corrected:
     return tested.page.tab.session.project.corrected
 
@@ -43,11 +39,6 @@ def drag(tested: LonePage, frame: int, dx: float, *joints: int) -> None:
         tested.page.receive(Drag(phase, joints, by, 0.0, frame))  # pyright: ignore[reportArgumentType]
 
 
-def idle(tested: LonePage) -> None:
-    session = tested.page.tab.session
-    tested.until(lambda: not session.jobs and not session.edit_follower.busy)
-
-
 def test_two_drags_take_the_frames_between_along_and_the_fit_follows_all(tested: LonePage):
     tab, session = tested.page.tab, tested.page.tab.session
     detected = session.project.detections.xy[:, WRIST]
@@ -55,21 +46,21 @@ def test_two_drags_take_the_frames_between_along_and_the_fit_follows_all(tested:
     assert shown is not None
     before = shown.params.body_pose.clone()
     drag(tested, 1, 20.0, WRIST)
-    assert last_edit(tested) == PlaceKey(
+    assert tested.last_edit == PlaceKey(
         frames=(1,), joints=(WRIST,), at=1, xy=((float(detected[1, 0] + 20), float(detected[1, 1])),)
     )
     drag(tested, 6, 40.0, WRIST)
-    edit = last_edit(tested)
+    edit = tested.last_edit
     assert isinstance(edit, PlaceKey) and (edit.frames, edit.at) == ((2, 3, 4, 5, 6), 6)
     assert tab.message[0] == "Saved: left wrist moved, frame 6; frames 2–5 follow"
     np.testing.assert_allclose(corrected(tested).xy[:7, WRIST, 0] - detected[:7, 0], [0, 20, 24, 28, 32, 36, 40])
-    idle(tested)
+    tested.idle()
     after = session.fits.fit(session.edit_follower.of(shown.run.id)).last.params.body_pose
     moved = (after - before).abs().amax(1)
     assert all(moved[frame] > 1e-3 for frame in range(1, 7)), "also those between, which no drag was in"
     tested.press("action", "undo")
     np.testing.assert_allclose(corrected(tested).xy[:7, WRIST, 0] - detected[:7, 0], [0, 20, 0, 0, 0, 0, 0])
-    idle(tested)
+    tested.idle()
 
 
 def test_keys_are_deleted_and_moved(tested: LonePage):
@@ -82,14 +73,14 @@ def test_keys_are_deleted_and_moved(tested: LonePage):
     delete = ACTIONS["delete_key"]
     assert not delete.obstacle(tested.page.gestures)
     tested.page.gestures.correcting.move_key(5, 3)
-    assert last_edit(tested) == MoveKey(frames=(2, 3, 4, 5), joints=(WRIST,), at=5, to=3)
+    assert tested.last_edit == MoveKey(frames=(2, 3, 4, 5), joints=(WRIST,), at=5, to=3)
     assert tab.message[0] == "Saved: left wrist keyframe moved to frame 3, frame 5; frames 2–4 follow"
     np.testing.assert_allclose((corrected(tested).xy[:, WRIST, 0] - detected)[:6], [0, 20, 20, 20, 0, 0])
     with pytest.raises(InputError, match="There is already a keyframe"):
         tested.page.gestures.correcting.move_key(3, 1)
     tab.seek(3)
     tested.press("action", "delete_key")
-    assert last_edit(tested) == RemoveKey(frames=(2, 3), joints=(WRIST,), at=3)
+    assert tested.last_edit == RemoveKey(frames=(2, 3), joints=(WRIST,), at=3)
     np.testing.assert_allclose((corrected(tested).xy[:, WRIST, 0] - detected)[:6], [0, 20, 0, 0, 0, 0])
     with pytest.raises(InputError, match="has a keyframe in this frame"):
         tested.press("action", "delete_key")
@@ -101,7 +92,7 @@ def test_without_keyframes_a_drag_is_for_its_frame(tested: LonePage):
     drag(tested, 1, 20.0, WRIST)
     tested.press("action", "keyframes")
     drag(tested, 5, 20.0, WRIST)
-    edit = last_edit(tested)
+    edit = tested.last_edit
     assert isinstance(edit, MoveKeypoint) and edit.frames == (5,)
     assert corrected(tested).edited[:, WRIST].nonzero()[0].tolist() == [1, 5]
     # I fills what lies between, also from the frame that was corrected last.
@@ -120,13 +111,13 @@ def test_a_nudged_wrist_takes_its_hand_along(tested: LonePage):
     tab.seek(2)
     tab.set(selection=(WRIST,))
     tested.press("action", "nudge_left")
-    edit = last_edit(tested)
+    edit = tested.last_edit
     hand = tuple(j for j in range(LEFT_HAND.start, LEFT_HAND.stop) if j != LEFT_HAND.start + 3)
     assert isinstance(edit, PlaceKey) and edit.joints == (WRIST, *hand)
     assert tab.message[0] == "Saved: left wrist and its hand moved, frame 2"
     tab.set(hand_along=False, keyframes=False)
     tested.press("action", "nudge_left")
-    assert last_edit(tested) == Nudge(frames=(2,), joints=(WRIST,), by=(-1.0, 0.0))
+    assert tested.last_edit == Nudge(frames=(2,), joints=(WRIST,), by=(-1.0, 0.0))
     root = LEFT_HAND.start
     assert set(with_hands((root,), corrected(tested), 2)) == {WRIST, *hand}
     assert with_hands((ELBOW, root + 1), corrected(tested), 2) == (ELBOW, root + 1)
@@ -191,18 +182,18 @@ def test_a_keypoint_is_dragged_in_depth_and_the_body_follows(tested: LonePage):
     in_depth(tested, "move", -0.05, 3)
     tested.until(lambda: session.edit_follower.live is not None)
     in_depth(tested, "end", -0.08, 3)
-    edit = last_edit(tested)
+    edit = tested.last_edit
     assert isinstance(edit, SetDepth) and (edit.frames, edit.joints) == ((3,), (WRIST,))
     assert np.array_equal(corrected(tested).xy, xy), "nothing moves in the picture"
-    idle(tested)
+    tested.idle()
     assert depth(3) - before == pytest.approx(-0.08, abs=0.03)
     in_depth(tested, "start", 0.0, 6)
     in_depth(tested, "end", 0.0, 6)
-    between = last_edit(tested)
+    between = tested.last_edit
     assert isinstance(between, SetDepth) and between.frames == (4, 5, 6)
     told = corrected(tested).depth[3:7, WRIST]
     np.testing.assert_allclose(told, np.linspace(told[0], told[-1], 4), atol=1e-4)
-    idle(tested)
+    tested.idle()
 
 
 def test_drags_in_depth_that_come_to_nothing(tested: LonePage):

@@ -54,19 +54,13 @@ def shape_of(edit: ShapeHand) -> np.ndarray:
     return np.array(edit.shape)
 
 
-def last_edit(tested: LonePage) -> ShapeHand:
-    edit = tested.page.tab.session.project.log[-1].action
-    assert isinstance(edit, ShapeHand)
-    return edit
-
-
 def test_a_fist_is_put_on_and_the_fit_follows(tested: LonePage, tiny_body: BodyModel):
     tab = tested.page.tab
     before = fitted_hand(tested, tiny_body, "right")
     tab.set(frame=4, frames=range(3, 6))
     tested.enter("Blend", 1)
     tested.press("action", "shape_fist")
-    edit = last_edit(tested)
+    edit = tested.last_edit
     fist = finger_angles(HANDSHAPES["fist"], "right")
     assert (edit.frames, edit.joints, edit.blend) == ((2, 3, 4, 5, 6), FINGER_JOINTS["right"], (1, 1))
     np.testing.assert_allclose(shape_of(edit), fist, atol=1e-5)
@@ -74,7 +68,7 @@ def test_a_fist_is_put_on_and_the_fit_follows(tested: LonePage, tiny_body: BodyM
         assert stated is not None
         np.testing.assert_allclose(stated, before[frame], atol=1e-5)
     assert tab.message[0] == "Saved: right hand given the shape fist, frames 3–5, blended over 1 and 1 frames"
-    tested.until(lambda: not tab.session.jobs and not tab.session.edit_follower.busy)
+    tested.idle()
     after = fitted_hand(tested, tiny_body, "right")
     assert np.degrees(np.abs(after[3:6] - nearest(tiny_body, fist, 1))).max() < 1
     assert np.degrees(np.abs(after[2] - nearest(tiny_body, (before[1] + fist) / 2, 1))).max() < 1
@@ -94,16 +88,16 @@ def test_the_other_hand_mirrored_and_a_copied_one(tested: LonePage, tiny_body: B
     left, right = (fitted_hand(tested, tiny_body, side) for side in FINGER_JOINTS)
     tab.set(frame=5)
     tested.press("action", "shape_other")
-    np.testing.assert_allclose(shape_of(last_edit(tested)), in_hand(left[5], "right"), atol=1e-5)
-    assert last_edit(tested).name == "left hand of frame 5"
+    np.testing.assert_allclose(shape_of(tested.last_edit), in_hand(left[5], "right"), atol=1e-5)
+    assert tested.last_edit.name == "left hand of frame 5"
     assert "Copied" not in tested.html()
     tested.press("action", "copy_shape")
     tab.set(frame=2)
     tested.press("action", "shape_copied")
-    np.testing.assert_allclose(shape_of(last_edit(tested)), right[5], atol=1e-5)
+    np.testing.assert_allclose(shape_of(tested.last_edit), right[5], atol=1e-5)
     tested.press("action", "select_left_hand")
     tested.press("action", "shape_last")
-    edit = last_edit(tested)
+    edit = tested.last_edit
     assert edit.joints == FINGER_JOINTS["left"] and edit.name == "right hand of frame 5"
     np.testing.assert_allclose(shape_of(edit), in_hand(right[5], "right"), atol=1e-5)
 
@@ -120,7 +114,7 @@ def test_it_ends_at_the_ends_of_the_clip(tested: LonePage):
     ):
         tab.set(frame=frames[0], frames=frames)
         tested.press("action", "shape_fist")
-        assert last_edit(tested).frames == tuple(covered) and last_edit(tested).blend == blend
+        assert tested.last_edit.frames == tuple(covered) and tested.last_edit.blend == blend
 
 
 def test_it_is_taken_off(tested: LonePage):
@@ -131,7 +125,7 @@ def test_it_is_taken_off(tested: LonePage):
         tested.press("action", "free_hand")
     tested.press("action", "shape_claw")
     tested.press("action", "free_hand")
-    assert last_edit(tested).shape is None and tab.message[0] == "Saved: right hand's shape removed, frame 4"
+    assert tested.last_edit.shape is None and tab.message[0] == "Saved: right hand's shape removed, frame 4"
     assert np.isfinite(tab.session.project.corrected.turn[..., 0]).any(0).sum() == 15, "the blends stay"
 
 
@@ -153,7 +147,7 @@ def test_shapes_of_ones_own(tested: LonePage, tiny_body: BodyModel, own: Path):
     np.testing.assert_allclose(json.loads(own.read_text())["shapes"]["bent B"], left, atol=1e-5)
     tab.set(frame=5, selection=(RIGHT,))
     tested.press("shapes.own", "bent B")
-    edit = last_edit(tested)
+    edit = tested.last_edit
     assert edit.name == "bent B" and edit.joints == FINGER_JOINTS["right"]
     np.testing.assert_allclose(shape_of(edit), in_hand(left, "right"), atol=2e-5)
     tested.press("shapes.delete")

@@ -57,11 +57,6 @@ def elbow(tested: LonePage) -> np.ndarray:
     return shown.params.body_pose[FRAME].view(-1, 3)[JOINT["left_elbow"] - JOINT["left_hip"]].numpy()
 
 
-def idle(tested: LonePage) -> None:
-    session = tested.page.tab.session
-    tested.until(lambda: not session.jobs and not session.edit_follower.busy)
-
-
 def test_they_are_at_the_joint_and_turned_with_it(tested: LonePage, tiny_body: BodyModel):
     found, shown = there(tested), tested.page.tab.look().b
     assert shown is not None
@@ -113,13 +108,13 @@ def test_what_is_turned_is_locked_and_the_fit_follows(tested: LonePage):
     np.testing.assert_allclose(edit.turn[0], turned, atol=1e-4)
     turning.settle()
     assert tab.look().live_b is not None, "until the fit has followed"
-    idle(tested)
+    tested.idle()
     turning.settle()
     assert tab.look().live_b is None
     off = Rotation.from_rotvec(elbow(tested)).inv() * Rotation.from_rotvec(turned)
     assert np.degrees(off.magnitude()) < 3
     tested.press("action", "undo")
-    idle(tested)
+    tested.idle()
     tab.look()
     np.testing.assert_allclose(elbow(tested), before, atol=1e-6)
 

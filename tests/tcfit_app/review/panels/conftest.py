@@ -44,7 +44,3 @@ def suspect(frame: int, *, reason: str = "left wrist 42 px off", joints: tuple[i
 def with_suspects(tested: LonePage, *found: Suspect) -> None:
     queue = ReviewQueue(left=found, looked_at=1)
     tested.page.tab.data.queue = lambda shown: queue  # pyright: ignore[reportAttributeAccessIssue]
-
-
-def last_edit(page) -> object:
-    return page.tab.session.project.log[-1].action

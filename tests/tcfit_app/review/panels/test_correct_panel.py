@@ -11,7 +11,6 @@ from tcfit_app.project.edits.kinds import CopyFrom, MarkBad, Restore, SwapSides
 from tcfit_app.review.browser.page_events import Drag
 from tcfit_app.review.panels.correct.correct_panel import CorrectPanel
 from tests.drivers.lone_page import LonePage
-from tests.tcfit_app.review.panels.conftest import last_edit
 
 FIRST = 7
 """The number that users see for frame 0 of the sample clip."""
@@ -52,17 +51,17 @@ def test_correcting_buttons_and_where_they_apply(tested: LonePage):
     page.tab.set(frames=range(1, 4), selection=(4,))
     assert f"<b>Right wrist</b><span>frames {FIRST + 1}–{FIRST + 3}<" in tested.html()
     tested.press("action", "bad")
-    assert last_edit(page) == MarkBad(frames=(1, 2, 3), joints=(4,))
+    assert tested.last_edit == MarkBad(frames=(1, 2, 3), joints=(4,))
     assert ">Restore</span><kbd>X</kbd>" in tested.html()
     tested.press("action", "select_left_hand")
     assert "<b>Left hand</b>" in tested.html()
     tested.press("action", "bad")
-    assert last_edit(page) == MarkBad(frames=(1, 2, 3), joints=tuple(range(25, 46)))
+    assert tested.last_edit == MarkBad(frames=(1, 2, 3), joints=tuple(range(25, 46)))
     tested.press("action", "bad")
-    assert last_edit(page) == Restore(frames=(1, 2, 3), joints=tuple(range(25, 46)))
+    assert tested.last_edit == Restore(frames=(1, 2, 3), joints=tuple(range(25, 46)))
     page.tab.set(selection=(4,))
     tested.press("action", "swap_arms")
-    assert isinstance(last_edit(page), SwapSides)
+    assert isinstance(tested.last_edit, SwapSides)
 
 
 def test_copies_go_to_all_selected_frames(tested: LonePage):
@@ -71,7 +70,7 @@ def test_copies_go_to_all_selected_frames(tested: LonePage):
     page.tab.set(frames=range(2, 4), selection=(int(there[0]),))
     page.tab.seek(3)
     tested.press("action", "copy")
-    assert last_edit(page) == CopyFrom(frames=(2, 3), joints=(int(there[0]),), source=1)
+    assert tested.last_edit == CopyFrom(frames=(2, 3), joints=(int(there[0]),), source=1)
 
 
 def test_what_is_nowhere_is_not_copied_or_moved(tested: LonePage):

@@ -64,7 +64,7 @@ def test_a_fit_and_its_corrections_are_one_row(tested: LonePage):
     tab.set(selection=(kp.INDEX["right_wrist"],))
     for _ in range(2):
         tested.page.gestures.correcting.nudge(5.0, 0.0)
-        tested.until(lambda: not tab.session.jobs and not tab.session.edit_follower.busy)
+        tested.idle()
     assert "Fit 1 with 2 corrections" in tested.html() and tested.html().count("fits.show") == 2, "a row and its button"
     rename(tested, run, "waltz")
     assert "waltz with 2 corrections" in tested.html()
@@ -119,7 +119,7 @@ def test_what_keypoints_do_not_show_is_fainter(tested: LonePage):
     tab = tested.page.tab
     tab.session.edit(MarkBad(frames=(2, 3), joints=(kp.INDEX["left_wrist"],)), author="me")
     tab.session.edit(MarkBad(frames=(3,), joints=tuple(range(kp.COUNT))), author="me")
-    tested.until(lambda: not tab.session.jobs and not tab.session.edit_follower.busy)
+    tested.idle()
 
     joints = [JOINT[name] for name in ("left_elbow", "right_elbow", "left_hip")]
 

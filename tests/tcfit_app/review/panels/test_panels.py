@@ -19,7 +19,7 @@ from tcfit_app.server.viser_bridge import icon, keep_icons_open
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
 from tests.samples.media import write_images
 from tests.samples.project_samples import FRAMES
-from tests.tcfit_app.review.panels.conftest import ATTACK, last_edit, suspect, with_suspects
+from tests.tcfit_app.review.panels.conftest import ATTACK, suspect, with_suspects
 
 FIRST = 7
 """The number that users see for frame 0 of the sample clip."""
@@ -128,7 +128,7 @@ def test_frames_that_are_selected_elsewhere_are_not_changed(tested: LonePage):
     tested.press("frames.go")
     assert page.tab.state.frame == 1 and "is not among" not in tested.html()
     tested.press("action", "bad")
-    assert last_edit(page) == MarkBad(frames=(1, 2, 3), joints=(4,))
+    assert tested.last_edit == MarkBad(frames=(1, 2, 3), joints=(4,))
     page.tab.seek(5)
     tested.press("action", "escape")
     assert page.tab.state.selection == () and page.tab.state.frames is not None, "the keypoint first"

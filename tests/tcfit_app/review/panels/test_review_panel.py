@@ -16,7 +16,7 @@ from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.review.browser.page_events import LookAt
 from tcfit_app.review.panels.review_panel import ReviewPanel
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
-from tests.tcfit_app.review.panels.conftest import last_edit, suspect, with_suspects
+from tests.tcfit_app.review.panels.conftest import suspect, with_suspects
 
 FIRST = 7
 """The number that users see for frame 0 of the sample clip."""
@@ -233,7 +233,7 @@ def test_an_entry_of_several_frames_is_corrected_in_all_of_them(tested: LonePage
     page = tested.page
     page.gestures.reviewing.show(replace(suspect(2), frames=range(1, 4), joints=(4,)))
     tested.press("action", "bad")
-    assert last_edit(page) == MarkBad(frames=(1, 2, 3), joints=(4,))
+    assert tested.last_edit == MarkBad(frames=(1, 2, 3), joints=(4,))
     page.tab.seek(3)
     assert page.tab.chosen_frames == range(1, 4) and page.tab.played == range(page.tab.length)
     page.tab.seek(5)
