@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from fitting_core.detect.mediapipe import body as blaze
+from fitting_core.detect.mediapipe.detector import recalled, remembered
 from fitting_core.detect.mediapipe.face import Face
 from fitting_core.detect.mediapipe.following import Followed
 from fitting_core.detect.mediapipe.hands import Hand, square_at_wrist
 from fitting_core.detect.mediapipe.hands_and_face import PartsFinder, SeenParts, assigned
-from fitting_core.detect.mediapipe.memory import recalled, remembered
 from fitting_core.detect.mediapipe.squares import Square
 from tests.fitting_core.detect.mediapipe.seen import body_at, hand_at
 
