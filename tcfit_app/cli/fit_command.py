@@ -209,7 +209,6 @@ def run_fit_people(options: FitOptions, *, command: str = "") -> None:
         KeyboardInterrupt: Cancelled; what had finished has been written, and is in people.json. An earlier fit is still
             there if nothing had.
     """
-    _refuse_options_of_one(options)
     config = fit_config(options.method)
     old = _check_out(options.out, overwrite=options.overwrite)
     body = prepared_body(options, config)
@@ -242,15 +241,6 @@ def run_fit_people(options: FitOptions, *, command: str = "") -> None:
         raise
     emit_wrote(options.out / PEOPLE_NAME)
     print(printable(f"Wrote {PEOPLE_NAME} into {options.out}: {len(people)} people"))
-
-
-def _refuse_options_of_one(options: FitOptions) -> None:
-    """Raise InputError for an option that is for one person."""
-    ones = {"--shape": options.shape, "--height": options.method.height, "--start-person": options.begin.start_person}
-    if given := [name for name, value in ones.items() if value is not None]:
-        raise InputError(
-            f"--people {options.people} cannot be combined with {' and '.join(given)}, which is for one person."
-        )
 
 
 def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:

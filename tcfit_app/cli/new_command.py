@@ -80,12 +80,6 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
 
 def _made_of_all_people(options: NewOptions) -> Path:
     """Make a folder of projects, one for each person."""
-    ones = {"--reference": options.truth != ReferenceOptions(), "--height": options.height is not None}
-    if given := [name for name, there in ones.items() if there]:
-        raise InputError(
-            f"--people {options.people} cannot be combined with {' and '.join(given)}, which is for one person. Give "
-            "it to that person's project."
-        )
     with DetectionShown() as tell_progress:
         people = all_people_of(options, tell_progress)
     folder = options.out or _folder_named(people[0].name)

@@ -107,15 +107,21 @@ def _times(count: int) -> str:
 def all_people_of(options: FitOptions | NewOptions, tell: Tell | None = None) -> list[PersonInClip]:
     """Read the clip of each person. Arguments as of `clip_of`. Raises InputError if files or options cannot be used, or
     an option is for one person."""
-    if options.clip.person is not None:
-        raise InputError(f"--people {options.people} cannot be combined with --person {options.clip.person}.")
+    ones: dict[str, object] = {"--person": options.clip.person, "--other-view": options.views.other_view or None}
+    if isinstance(options, FitOptions):
+        ones |= {"--shape": options.shape, "--height": options.method.height}
+        ones |= {"--start-person": options.begin.start_person}
+    else:
+        ones |= {"--reference": options.truth.reference, "--height": options.height}
+    if given := [name for name, value in ones.items() if value is not None]:
+        raise InputError(
+            f"--people {options.people} cannot be combined with {' and '.join(given)}, which is for one person."
+        )
     if options.keypoints == NO_KEYPOINTS:
         raise InputError(
             f"--people {options.people} cannot be combined with --keypoints {NO_KEYPOINTS}: people are found by their "
             "keypoints."
         )
-    if options.views.other_view:
-        raise InputError(f"--people {options.people} cannot be combined with --other-view, which is of one person.")
     try:
         people = read_people(options.video, options.keypoints, clip=options.clip, camera=_camera(options), tell=tell)
     except InputError as error:

@@ -148,8 +148,8 @@ def test_nothing_of_others_is_mixed_with_it(
 @pytest.mark.parametrize(
     ("command", "options", "said"),
     [
-        ("fit", ["--person", "1"], "--people all cannot be combined with --person 1"),
-        ("new", ["--person", "1"], "--people all cannot be combined with --person 1"),
+        ("fit", ["--person", "1"], "--people all cannot be combined with --person,"),
+        ("new", ["--person", "1"], "--people all cannot be combined with --person,"),
         ("fit", ["--shape", "s.npz"], "--people all cannot be combined with --shape"),
         ("fit", ["--start", "a.npz", "--start-person", "2"], "--people all cannot be combined with --start-person"),
         ("new", ["--reference", "r.npz"], "--people all cannot be combined with --reference"),
