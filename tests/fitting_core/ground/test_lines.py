@@ -169,6 +169,16 @@ def test_a_straight_lens_bends_nothing(tmp_path: Path):
     np.testing.assert_array_equal(unbent(edges, 0.0, CENTER, SIZE), edges)
 
 
+def test_round_things_in_one_half_of_the_picture_are_no_bent_lens(tmp_path: Path):
+    bent, straight = (
+        SampledPictures(film(tmp_path / f"{k1}", k1=k1), range(5), UNKNOWN).stacked()[0] for k1 in (-0.25, 0.0)
+    )
+    middle = int(CENTER[0])
+    picture = np.hstack([bent[:, :middle], straight[:, middle:]])
+    bend, deviation = bend_of(picture, edges_of(picture), CENTER)
+    assert bend_of(bent, edges_of(bent), CENTER)[1] < 0.02 < abs(bend) / 3 < deviation
+
+
 def test_pictures_of_a_camera_that_moves_tell_the_lens_but_no_vertical(tmp_path: Path):
     """Even if it stands for most of the clip."""
     found = read_camera(film(tmp_path / "turned", moving=True))
