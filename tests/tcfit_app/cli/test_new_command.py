@@ -5,10 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fitting_core import keypoints as kp
 from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.clips.reading import read_clip
 from tcfit_app.cli.main import main
 from tcfit_app.cli.new_command import check_same_clip
+from tcfit_app.cli.review_command import _take
+from tcfit_app.options.fit import ReferenceOptions, ReviewOptions
 from tcfit_app.project.project import Project
 from tests.fitting_core.io.cameras.camera_files import own
 from tests.samples.media import write_images
@@ -29,6 +32,20 @@ def test_the_project_has_the_clip(
     with Project.open(tmp_path / "a.tcfit") as project:
         assert same_keypoints(project.detections, clip.keypoints) and project.clip.camera == clip.camera
         assert project.clip.name == "wave" and len(project.clip) == FRAMES
+
+
+def test_a_reference_is_stored_at_first_or_later(clip_arguments: list[str], tmp_path: Path):
+    names = np.array(kp.NAMES)[kp.LIMBS]
+    for name, size in (("first", 0.2), ("later", 0.3)):
+        points = np.random.default_rng(0).normal(0, size, (FRAMES, len(names), 3))
+        np.savez(tmp_path / f"{name}.npz", points=points, names=names)
+    folder = tmp_path / "a.tcfit"
+    assert main(["new", *clip_arguments, "--reference", str(tmp_path / "first.npz"), "--out", str(folder)]) == 0
+    with Project.open(folder) as project:
+        assert project.reference is not None and project.reference.name == "first.npz"
+        _take(project, ReviewOptions(truth=ReferenceOptions(reference=tmp_path / "later.npz")))
+    with Project.open(folder) as project:
+        assert project.reference is not None and project.reference.name == "later.npz"
 
 
 def test_images_are_linked_or_copied(keypoint_folder: Path, tmp_path: Path):
