@@ -34,10 +34,11 @@ _AT_ONCE = 16
 """Frames fitted before the next ones start, so that bodies can be shown early. It costs nothing: signing, 149 frames,
 5.8 s of CPU time with 16, 32, 64 or all at once, the first bodies after 0.4, 0.6, 0.7 and 0.7 s."""
 _MOST_HELD = 1024
-"""Frames whose last objective is in memory at once, 45 kB each. Creating it takes 4 ms, and 65 us a frame."""
+"""Frames whose last objective, 45 kB each, or joints are in memory at once. An objective takes 4 ms to create, and
+65 us a frame."""
 _FIRST, _FLIPPED, _KEYS_SETTLED, _ALL_FITTED, _SETTLED = 0.2, 0.55, 0.63, 0.7, 0.9
-"""Progress of the phase after the first fits, the sitting pose, the mirrored limbs, the relay among key frames, the
-frames between these, and the relay among all frames. Processor time of the demo clip, preset tcfit.
+"""Progress of the phase after the first fits, the mirrored limbs, the relay among key frames, the frames between
+these, and the relay among all frames. Processor time of the demo clip, preset tcfit.
 """
 _LOWER = 1e-4
 """A relayed start must lower a frame's cost by this fraction to be accepted."""
@@ -336,9 +337,9 @@ class _Frames:
     def _elsewhere(self, fits: FrameFits, target: Tensor, source: Tensor) -> tuple[Tensor, Tensor]:
         """Those of the pairs whose bodies differ: from a body like its own, a frame would descend to where it is."""
         joints = JointPositions(self.stages.body, self.stages.parametrisation, in_camera=False)
-        own, other = joints(fits.state[target]), joints(fits.state[source])
-        apart = (own - other).norm(dim=2).amax(1) > _ELSEWHERE
-        apart |= ~fits.cost[target].isfinite()
+        apart = ~fits.cost[target].isfinite()
+        for part, own, other in zip(*(rows.split(_MOST_HELD) for rows in (apart, target, source)), strict=True):
+            part |= (joints(fits.state[own]) - joints(fits.state[other])).norm(dim=2).amax(1) > _ELSEWHERE
         return target[apart], source[apart]
 
     def flip_limbs(self, objective: _LastStage, fits: FrameFits) -> Generator[PhaseStep, None, FrameFits]:
