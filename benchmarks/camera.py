@@ -20,15 +20,17 @@ from benchmarks.accuracy_sets import PHONE_MM
 from benchmarks.clips import data_folder
 from benchmarks.report import Common, Row, progress, report, start
 from evaluation.synthetic.motion_suite.clips import make_motion, motion_sequences
-from fitting_core.camera import Camera, focal_from_35mm
+from fitting_core.camera import Camera, Lens, focal_from_35mm
 from fitting_core.clip import Clip
 from fitting_core.clips.options import CameraOptions
 from fitting_core.clips.reading import read_clip
 from fitting_core.ground.from_pictures import camera_from_pictures
+from fitting_core.lens import filmed
 from fitting_core.video.sampled import SampledPictures
 from fitting_core.world_camera import WorldCamera
 
 LENSES_MM = (24.0, 26.0, 28.0, 35.0, 50.0)
+_HALF_DIAGONAL_MM = 21.6
 _ASKEW = 8.0
 """Degrees."""
 _ONE_IN_TEN = 1.2816
@@ -41,6 +43,8 @@ class CameraBenchmark:
 
     rooms: int = 30
     fields: int = 10
+    k1: float = 0.0
+    """Distortion of the lens that films rooms and fields, of which the estimate is told nothing."""
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
 
 
@@ -68,11 +72,18 @@ def judged(found: Camera, focal: float, up: Float[np.ndarray, "3"] | None) -> Ju
     return Judged(log_focal=log_focal, focal_deviation=found.focal_deviation, up_off=off, up_deviation=deviation)
 
 
-def drawn(view: WorldCamera, camera: Camera, rng: np.random.Generator, *, room: bool) -> UInt8[np.ndarray, "h w 3"]:
+def drawn(
+    view: WorldCamera, camera: Camera, rng: np.random.Generator, *, room: bool, k1: float = 0.0
+) -> UInt8[np.ndarray, "h w 3"]:
     """A noisy, slightly blurred picture of a room of boxes, or of a field below a sky."""
     (width, height), place = camera.size, -view.rotation.T @ view.translation
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     rays = np.stack([(x - camera.center[0]) / camera.focal[0], (y - camera.center[1]) / camera.focal[1], 0 * x + 1], -1)
+    filmed_radius = np.hypot(rays[..., 0], rays[..., 1])
+    radius = filmed_radius.copy()
+    for _ in range(20 if k1 else 0):
+        radius -= (radius * (1 + k1 * radius**2) - filmed_radius) / np.maximum(1 + 3 * k1 * radius**2, 0.05)
+    rays[..., :2] *= (radius / np.maximum(filmed_radius, 1e-9))[..., None]
     rays = rays.reshape(-1, 3) @ view.rotation
     if room:
         grey = _room(place, rays, rng)
@@ -127,20 +138,25 @@ def _tints(
     return tint
 
 
-def scene(number: int, *, room: bool, folder: Path) -> tuple[Clip, Float[np.ndarray, "3"]]:
+def scene(number: int, *, room: bool, folder: Path, k1: float = 0.0) -> tuple[Clip, Float[np.ndarray, "3"]]:
     """A clip with one picture and the keypoints of a person in it, from the number as its seed; and up in its camera's
     axes."""
     rng = np.random.default_rng([number, room])
     whole = [sequence for sequence in motion_sequences().values() if sequence.shot.cut == "whole"]
     sequence = whole[number % len(whole)]
-    made = make_motion(replace(sequence, shot=replace(sequence.shot, lens=float(rng.choice(LENSES_MM)))), cached=False)
+    lens = float(rng.choice(LENSES_MM))
+    if k1 < 0 and _HALF_DIAGONAL_MM / lens > 0.95 * (2 / 3) / np.sqrt(-3 * k1):
+        lens = 35.0  # a shorter one folds its corners
+    made = make_motion(replace(sequence, shot=replace(sequence.shot, lens=lens)), cached=False)
     camera, pose = made.clip.camera, made.view.pose()
     roll = Rotation.from_euler("z", rng.uniform(-_ASKEW, _ASKEW), degrees=True).as_matrix()
     view = WorldCamera(rotation=roll @ pose.rotation, translation=roll @ pose.translation)
     points = made.clip.keypoints
-    points = replace(points, xy=(points.xy - camera.center) @ roll[:2, :2].T + camera.center)
+    straight = (points.xy - camera.center) @ roll[:2, :2].T + camera.center
+    bent = Lens(focal=camera.focal, center=camera.center, distortion=(k1, 0.0, 0.0, 0.0))
+    points = replace(points, xy=filmed(bent, straight))
     path = folder / f"{number}.png"
-    cv2.imwrite(str(path), drawn(view, camera, rng, room=room))
+    cv2.imwrite(str(path), drawn(view, camera, rng, room=room, k1=k1))
     return replace(made.clip, keypoints=points, source=path), view.rotation @ [0.0, 1.0, 0.0]
 
 
@@ -194,7 +210,7 @@ def main(options: CameraBenchmark) -> None:
         for what, count in (("rooms", options.rooms), ("fields", options.fields)):
             results = list[Judged]()
             for number in range(count):
-                results.append(estimated(*scene(number, room=what == "rooms", folder=Path(folder))))
+                results.append(estimated(*scene(number, room=what == "rooms", folder=Path(folder), k1=options.k1)))
                 progress(f"{what} {number}: {results[-1]}")
             rows.append(row(what, results))
     report(options, {"Camera from the picture": rows})
