@@ -285,6 +285,7 @@ class _Fit:
         state = sight.state
         if self.config.last_phase >= 2:
             state = yield from self._second(sight)
+        del sight  # with the stages of phase 1
         return (yield from self._last(state))
 
     def run_again(self, start: FitResult) -> Generator[FitEvent, None, FitResult]:
@@ -295,6 +296,7 @@ class _Fit:
         self.provenance = first.provenance
         # Poses unchanged: a latent prior does not reproduce them exactly.
         state = yield from self._second(sight, poses=first.params)
+        del sight
         return (yield from self._last(state))
 
     def _last(self, state: State) -> Generator[FitEvent, None, FitResult]:
@@ -355,6 +357,7 @@ class _Fit:
         return resized(self.body, found, likely_height(self.body, found) if height is None else height / 100)
 
     def _third(self, state: State) -> Generator[FitEvent, None, None]:
+        give_back()
         yield PhaseStarted(phase=3, title=PHASE_TITLES[3])
         start = time.perf_counter()
         consistency = Consistency(self.stages, self.solver)
