@@ -341,8 +341,6 @@ class _Fit:
         params = with_shape(self.body, before, np.tile(betas, (len(before), 1)))
         self.size = self.stages.fitted.size * float(height_of(self.body, betas) / height_of(self.body, own))
         yield self._finish(2, one_shape, start, notes, sample=(found.state, found.frames), params=params)
-        lifter, size = self.stages.lifter, self.size
-        self.stages = Stages.of_clip(self.clip, self.body, self.config, start=self.start, size=size, lifter=lifter)
         for where, values in ((columns.betas, params.betas), (columns.translation, params.camera_translation)):
             state = state.with_columns(where, values.to(state.vector))
         return state
@@ -357,9 +355,11 @@ class _Fit:
         return resized(self.body, found, likely_height(self.body, found) if height is None else height / 100)
 
     def _third(self, state: State) -> Generator[FitEvent, None, None]:
-        give_back()
         yield PhaseStarted(phase=3, title=PHASE_TITLES[3])
-        start = time.perf_counter()
+        start, lifter = time.perf_counter(), self.stages.lifter
+        del self.stages  # as large as the next ones
+        give_back()
+        self.stages = Stages.of_clip(self.clip, self.body, self.config, start=self.start, size=self.size, lifter=lifter)
         consistency = Consistency(self.stages, self.solver)
         mode = {"global": consistency.all_at_once, "sliding_window": consistency.sliding_window}
         run, to_params = mode[self.config.temporal.mode], self.stages.parametrisation.to_params

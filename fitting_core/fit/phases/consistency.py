@@ -17,11 +17,12 @@ from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.temporal import REACH
 from fitting_core.fit.variables.state import State
+from fitting_core.memory import give_back
 from fitting_core.results.provenance import Stopped
 
 COUPLED = 2 * REACH
 """Frames on each side that terms over time couple to a window."""
-_PART, _SEAM = 600, 50
+_PART, _SEAM = 300, 40
 """Frames of a long clip that are fitted together (0.5 MB each with hands and face), and the overlap of two parts.
 
 In parts of 60 or 80 frames with overlaps of 30 or 40, the cost equals the whole clip's: 476.53 and 476.54 for 476.52
@@ -88,6 +89,7 @@ class Consistency:
             share = (k / len(parts), (k + 1) / len(parts))
             found = yield from self._run(state, part, label, share)
             _write(state, part, found)
+            give_back()
             if k + 1 < len(parts):
                 final = range(part.start, parts[k + 1].start)
                 yield PhaseStep("part", share[1], 0.0, self._to_look_at(state, final))
