@@ -44,7 +44,7 @@ class CameraBenchmark:
     rooms: int = 30
     fields: int = 10
     k1: float = 0.0
-    """Distortion of the lens that films rooms and fields, of which the estimate is told nothing."""
+    """Distortion of the lens that films rooms and fields, which is not passed to the estimate."""
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
 
 

@@ -89,7 +89,7 @@ def camera_from_pictures(
 
     Args:
         camera: Of the clip. With a path, it stays as it is but for a usual focal length. Pictures that move without one
-            tell a focal length and no vertical.
+            give a focal length and no vertical.
         keypoints: Of the whole clip, straightened.
         frame_rate: Frames per second.
         pictures: Of the clip, if it has any.
@@ -118,7 +118,7 @@ def camera_from_pictures(
 def _evidence(
     edges: Sequence[Float[np.ndarray, "n 4"]], camera: Camera, keypoints: Keypoints, frame_rate: float, *, free: bool
 ) -> LineEvidence | None:
-    """What the edges of one picture or several tell, around the vertical that the person tells; None if nothing."""
+    """Evidence of the edges of one picture or several, near the vertical estimated from the person; None without."""
     if not edges:
         return None
     confidence = seen_confidence(keypoints, camera)
@@ -127,11 +127,11 @@ def _evidence(
     gravity = gravity_before_fit(lifted, confidence, camera, rolled)
     focals = POSSIBLE_FOCALS * max(camera.size) if free else np.array(camera.focal[:1])
     found = [line_evidence(own, focals, camera.center, gravity) for own in edges]
-    telling = [one for one in found if one is not None and len(one.focals) == len(focals)]
-    if not telling:
+    usable = [one for one in found if one is not None and len(one.focals) == len(focals)]
+    if not usable:
         return found[0]
     # Pictures of one place are not independent: their mean, not their sum.
-    return replace(telling[0], log_likelihood=np.mean([one.log_likelihood for one in telling], axis=0))
+    return replace(usable[0], log_likelihood=np.mean([one.log_likelihood for one in usable], axis=0))
 
 
 def _posterior(evidence: LineEvidence, usual: Camera) -> Float[np.ndarray, "F"]:

@@ -95,7 +95,7 @@ def bend_of(
     In the division model (A. Fitzgibbon, CVPR 2001) a point at radius r, in half diagonals of the picture, belongs at
     r / (1 + b r^2). An edge of length l that passes the centre at distance p then is an arc of height b p l^2 / 4. The
     bend is the weighted median over all edges: some of them are round. The deviation is at least by how much a half of
-    the picture disagrees: slats of a shutter that sag told of a bend of -0.36.
+    the picture disagrees: sagging shutter slats gave a bend of -0.36.
 
     Args:
         picture: Grey.

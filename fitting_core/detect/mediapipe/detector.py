@@ -272,7 +272,7 @@ def remembered(people: Sequence[Followed], seen: Mapping[int, SeenParts], found:
 
 
 def recalled(memory: Memory) -> tuple[list[Followed], dict[int, SeenParts], int]:
-    """What `remembered` was given; of bodies only what tells where to look."""
+    """What `remembered` was given; of bodies only what says where to look."""
     rows = zip(*(memory[name].tolist() for name in ("number", "last")), memory["body"], strict=True)
     people = [Followed(number=number, bodies={last: _body(row)}) for number, last, row in rows]
     seen = {

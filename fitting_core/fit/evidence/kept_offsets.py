@@ -117,7 +117,7 @@ def _offset(
 
 
 def _pixels_per_metre(keypoints: Keypoints, points: Float[np.ndarray, "T 25 3"]) -> Float[np.ndarray, "T"]:
-    """How large the lifter's points are in the picture, by the detected ones; tiny where there are none."""
+    """Scale of the lifter's points in the picture, fitted to the detected keypoints; 1e-6 without any."""
     detected = (keypoints.confidence[:, kp.BODY, None] > 0).astype(float)
     count = np.maximum(detected.sum(1, keepdims=True), 1)
     xy, across = (

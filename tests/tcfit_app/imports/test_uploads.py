@@ -22,11 +22,11 @@ FRAME = json.dumps({"people": [{"pose_keypoints_2d": [100.0, 200.0, 0.5] * 25}]}
     ],
 )
 def test_uploaded_file_is_read_under_a_name_of_ours(name: str, expected: str):
-    told: list[str] = []
+    messages: list[str] = []
     found = ImportUpload(name=name, content=FRAME).run(
-        replace(sample_clip(1), first_frame=0), lambda step, share: told.append(step)
+        replace(sample_clip(1), first_frame=0), lambda step, share: messages.append(step)
     )
-    assert told == [f"Reading {expected}"] and found.keypoints.xy[0, 0].tolist() == [100.0, 200.0]
+    assert messages == [f"Reading {expected}"] and found.keypoints.xy[0, 0].tolist() == [100.0, 200.0]
 
 
 @pytest.mark.parametrize(
