@@ -5,7 +5,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 from rich.console import Console
@@ -50,11 +50,11 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
     tasks = read_manifest(options, complaints, command=command)
     _check_each(_first_by(tasks, lambda task: task.fit.body), complaints, lambda task: body_file(task.fit.body))
     complaints.raise_any()  # the hash of a clip includes the body
-    rows = [done_before(task) or ClipOutcome(line=task.line, clip=task.name) for task in tasks]
-    _check([task for task, row in zip(tasks, rows, strict=True) if row.state == "left"], complaints, options)
-    complaints.raise_any()
     folder = options.manifest.with_name(f"{options.manifest.stem}{BATCH_SUFFIX}")
     with _alone(folder):
+        rows = [done_before(task) or ClipOutcome(line=task.line, clip=task.name) for task in tasks]
+        _check([task for task, row in zip(tasks, rows, strict=True) if row.state == "left"], complaints, options)
+        complaints.raise_any()
         try:
             _fit(options, tasks, rows)
         except KeyboardInterrupt:
@@ -77,6 +77,9 @@ def _alone(folder: Path) -> Iterator[None]:
     try:
         yield
     finally:
+        with suppress(OSError):  # a folder with a summary stays, as does an open file on Windows
+            (folder / _LOCK).unlink()
+            folder.rmdir()
         os.close(lock)
 
 

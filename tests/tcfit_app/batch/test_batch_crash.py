@@ -192,5 +192,7 @@ def test_a_second_run_of_the_same_list_is_refused(tmp_path: Path, free_body: Bod
     manifest = write_batch(tmp_path, free_body, clips=10)
     with running(forked, manifest):
         until(lambda: fitted(tmp_path))
+        (tmp_path / "fits" / "c009").mkdir(exist_ok=True)
+        (tmp_path / "fits" / "c009" / ".fit.npz.partial").touch()  # as while the first run writes there
         assert main(_command(manifest)) == 2
         assert "another process fits this list" in capsys.readouterr().err
