@@ -17,6 +17,7 @@ import viser
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Run
@@ -141,6 +142,13 @@ class LonePage:
     call_back = staticmethod(call_back)
 
     # --- fits ---
+
+    @property
+    def shown(self) -> Shown:
+        """The fit on show, B."""
+        found = self.page.tab.look().b
+        assert found is not None
+        return found
 
     @property
     def last_edit(self) -> Any:

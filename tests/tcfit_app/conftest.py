@@ -1,8 +1,8 @@
 """A tiny clip on the free body, options that fit it in about a second, and that fit."""
 
 import io
-from collections.abc import Iterator
-from contextlib import redirect_stderr, redirect_stdout
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,6 +29,7 @@ from tcfit_app.cli import fit_command
 from tcfit_app.cli.main import main
 from tcfit_app.project.project import Project
 from tests.drivers.browser import chromium
+from tests.drivers.lone_page import LonePage, lone_page
 from tests.samples import sessions
 from tests.samples.project_samples import sample_clip
 
@@ -179,3 +180,16 @@ def panel_server() -> Iterator[viser.ViserServer]:
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     yield server
     server.stop()
+
+
+@pytest.fixture
+def page_of(panel_server: viser.ViserServer) -> Iterator[Callable[..., LonePage]]:
+    """page_of(project, bodies=...): a page of an open project, or of one in a folder, until the test ends."""
+    with ExitStack() as opened:
+
+        def page(project: Project | Path, *, bodies: Any = None) -> LonePage:
+            if isinstance(project, Path):
+                project = Project.open(project)
+            return opened.enter_context(lone_page(panel_server, opened.enter_context(project), bodies=bodies))
+
+        yield page

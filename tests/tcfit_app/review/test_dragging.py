@@ -89,9 +89,7 @@ def test_a_run_that_has_corrections_gets_no_second_run_of_them(tested: LonePage,
         drag(tested, "start", 0.0)
         drag(tested, "end", dx)
         tested.until(lambda: not session.edit_follower.busy)
-        shown = tab.look().b
-        assert shown is not None
-        return shown
+        return tested.shown
 
     first = corrected(150.0)
     before = first.params.body_pose.clone()
@@ -101,8 +99,8 @@ def test_a_run_that_has_corrections_gets_no_second_run_of_them(tested: LonePage,
         tested.idle()
     else:
         corrected(30.0)
-    second = tab.look().b
-    assert second is not None and (first.run.id, first.run.parent) == (second.run.id, run.id)
+    second = tested.shown
+    assert (first.run.id, first.run.parent) == (second.run.id, run.id)
     assert not np.array_equal(before, second.params.body_pose)
 
 

@@ -2,16 +2,13 @@
 
 import asyncio
 import logging
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
-import viser
 
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.review.browser.page_events import Hello
 from tcfit_app.review.page import AGAIN, Faults
-from tests.drivers.lone_page import LonePage, lone_page, sample_project
+from tests.drivers.lone_page import LonePage
 
 
 def test_a_fault_is_told_once_and_tried_again_a_little_later(caplog: pytest.LogCaptureFixture):
@@ -75,10 +72,9 @@ def test_only_an_event_whose_waiters_changed_is_set_again_at_once(caplog: pytest
 
 
 @pytest.fixture
-def tested(panel_server: viser.ViserServer, tmp_path: Path) -> Iterator[LonePage]:
-    with sample_project(tmp_path / "walk.tcfit", "first") as project, lone_page(panel_server, project) as made:
-        made.page.receive(Hello("a tab", 1000, 700))
-        yield made
+def tested(sample_page: LonePage) -> LonePage:
+    sample_page.page.receive(Hello("a tab", 1000, 700))
+    return sample_page
 
 
 def calls(tested: LonePage, name: str) -> int:

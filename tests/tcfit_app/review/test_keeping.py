@@ -1,12 +1,10 @@
 """What a project keeps of the work on it: approval, the worst place."""
 
-import shutil
-import time
-from collections.abc import Iterator
+import math
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-import viser
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
@@ -15,7 +13,7 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage.clip_review import Worst
 from tcfit_app.review.app import Keeping
 from tcfit_app.review.gestures.actions import ACTIONS
-from tests.drivers.lone_page import LonePage, lone_page
+from tests.drivers.lone_page import LonePage
 from tests.samples.project_samples import sample_clip
 from tests.samples.sessions import OneBody
 from tests.samples.waving import waving_project
@@ -27,9 +25,8 @@ def folder(tmp_path: Path, free_body: BodyModel) -> Path:
 
 
 @pytest.fixture
-def lone(folder: Path, panel_server: viser.ViserServer, free_body: BodyModel) -> Iterator[LonePage]:
-    with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(free_body)) as made:
-        yield made
+def lone(folder: Path, page_of: Callable[..., LonePage], free_body: BodyModel) -> LonePage:
+    return page_of(folder, bodies=OneBody(free_body))
 
 
 def test_a_clip_is_approved_by_a_key_and_that_is_taken_back(lone: LonePage):
@@ -41,21 +38,12 @@ def test_a_clip_is_approved_by_a_key_and_that_is_taken_back(lone: LonePage):
 
 
 def test_what_has_no_fit_or_cannot_be_written_is_not_approved(
-    folder: Path, tmp_path: Path, panel_server: viser.ViserServer, free_body: BodyModel
+    folder: Path, tmp_path: Path, page_of: Callable[..., LonePage], free_body: BodyModel
 ):
-    with (
-        Project.create(tmp_path / "new.tcfit", sample_clip()) as project,
-        lone_page(panel_server, project, bodies=OneBody(free_body)) as lone,
-        pytest.raises(InputError, match="no finished fit"),
-    ):
-        ACTIONS["approve"].do(lone.page.gestures)
-    copied = Path(shutil.copytree(folder, tmp_path / "copy.tcfit"))
-    with (
-        Project.open(copied, read_only=True) as project,
-        lone_page(panel_server, project, bodies=OneBody(free_body)) as lone,
-        pytest.raises(InputError, match="read-only"),
-    ):
-        ACTIONS["approve"].do(lone.page.gestures)
+    new = Project.create(tmp_path / "new.tcfit", sample_clip())
+    for project, said in ((new, "no finished fit"), (Project.open(folder, read_only=True), "read-only")):
+        with pytest.raises(InputError, match=said):
+            ACTIONS["approve"].do(page_of(project, bodies=OneBody(free_body)).page.gestures)
 
 
 def test_there_is_no_other_clip_where_one_was_opened(lone: LonePage):
@@ -81,11 +69,11 @@ def test_the_worst_place_of_the_newest_run_is_kept(lone: LonePage, folder: Path)
 
 
 def test_a_fit_that_cannot_be_read_has_no_worst_place(
-    folder: Path, panel_server: viser.ViserServer, free_body: BodyModel
+    folder: Path, page_of: Callable[..., LonePage], free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
 ):
+    monkeypatch.setattr("tcfit_app.review.app._PATIENCE", math.inf)  # it is not waited for
     for file in (folder / "runs").glob("*"):
         file.write_bytes(b"damaged")
-    with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(free_body)) as lone:
-        begun = time.monotonic()
-        Keeping().keep([lone.page.tab.data], last=True)
-        assert project.review.now.worst is None and time.monotonic() - begun < 4
+    data = page_of(folder, bodies=OneBody(free_body)).page.tab.data
+    Keeping().keep([data], last=True)
+    assert data.session.project.review.now.worst is None

@@ -31,7 +31,7 @@ from tcfit_app.review.panels import start_panel
 from tcfit_app.review.panels.start_panel import StartPanel
 from tcfit_app.review.session import session as session_module
 from tcfit_app.review.session.session import Session
-from tests.drivers.lone_page import LonePage, lone_page
+from tests.drivers.lone_page import LonePage
 from tests.drivers.review_page import QUICK
 from tests.flows.disk import disk
 from tests.samples.fake_detector import FakeDetector, known
@@ -333,13 +333,11 @@ def test_one_job_at_a_time_and_none_where_nothing_may_be_written(folder: Path):
 
 
 @pytest.fixture
-def page(
-    panel_server: viser.ViserServer, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[LonePage]:
+def page(page_of: Callable[..., LonePage], folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LonePage:
     monkeypatch.setattr(known_models, "models_folder", lambda: tmp_path / "models")
-    with Project.open(folder) as project, lone_page(panel_server, project) as made:
-        made.only(StartPanel)
-        yield made
+    made = page_of(folder)
+    made.only(StartPanel)
+    return made
 
 
 def finish(page: LonePage) -> None:
@@ -419,11 +417,10 @@ def test_progress_can_be_cancelled_in_the_panel(page: LonePage, monkeypatch: pyt
     assert "Cancelled." in page.html()
 
 
-def test_a_project_with_keypoints_has_no_such_panel(panel_server: viser.ViserServer, folder: Path):
-    with Project.open(folder) as project:
-        project.take_detections(Keypoints(xy=np.ones((FRAMES, COUNT, 2)), confidence=np.ones((FRAMES, COUNT))))
-        with lone_page(panel_server, project) as made:
-            assert not [panel for panel in made.page.panels if isinstance(panel, StartPanel)]
+def test_a_project_with_keypoints_has_no_such_panel(page_of: Callable[..., LonePage], folder: Path):
+    project = Project.open(folder)
+    project.take_detections(Keypoints(xy=np.ones((FRAMES, COUNT, 2)), confidence=np.ones((FRAMES, COUNT))))
+    assert not [panel for panel in page_of(project).page.panels if isinstance(panel, StartPanel)]
 
 
 def test_the_first_fit_finds_everything_loaded(

@@ -18,33 +18,31 @@ from tcfit_app.review.browser.page_events import Hello
 from tcfit_app.review.panels.review_panel import ReviewPanel
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.tab.tab import REMEMBERED, Tab
-from tests.drivers.lone_page import lone_page, sample_project, tiny_page
+from tests.drivers.lone_page import LonePage, sample_project, tiny_page
 
 
-def test_tabs_that_were_closed_are_forgotten_in_the_end(panel_server: viser.ViserServer, tmp_path: Path):
-    with sample_project(tmp_path / "walk.tcfit") as project, lone_page(panel_server, project) as made:
-        page, remembered = made.page, made.page.tab._remembered
+def test_tabs_that_were_closed_are_forgotten_in_the_end(sample_page: LonePage):
+    page, remembered = sample_page.page, sample_page.page.tab._remembered
 
-        def greet(name: str) -> None:
-            page.receive(Hello(tab=name, width=960, height=640))
+    def greet(name: str) -> None:
+        page.receive(Hello(tab=name, width=960, height=640))
 
-        greet("an old one that is still there")
-        page.tab.set(frame=3)
-        for i in range(2 * REMEMBERED):
-            greet(f"forged {i}")
-            if i % 100 == 0:
-                greet("an old one that is still there")
-                assert [*remembered][-1] == "an old one that is still there"
-        assert len(remembered) == REMEMBERED
-        assert "an old one that is still there" in remembered and "forged 0" not in remembered
+    greet("an old one that is still there")
+    page.tab.set(frame=3)
+    for i in range(2 * REMEMBERED):
+        greet(f"forged {i}")
+        if i % 100 == 0:
+            greet("an old one that is still there")
+            assert [*remembered][-1] == "an old one that is still there"
+    assert len(remembered) == REMEMBERED
+    assert "an old one that is still there" in remembered and "forged 0" not in remembered
 
 
-def test_a_key_that_is_refused_again_and_again_shows_one_notice(panel_server: viser.ViserServer, tmp_path: Path):
-    with sample_project(tmp_path / "walk.tcfit") as project, lone_page(panel_server, project) as made:
-        made.page.tab.client = client = MagicMock()
-        for title in ("Undo", "Undo", "Redo"):
-            Tab.notify(made.page.tab, Notice(title=f"{title}: not possible", text="", kind="error"))
-        assert client.add_notification.call_count == 2
+def test_a_key_that_is_refused_again_and_again_shows_one_notice(sample_page: LonePage):
+    sample_page.page.tab.client = client = MagicMock()
+    for title in ("Undo", "Undo", "Redo"):
+        Tab.notify(sample_page.page.tab, Notice(title=f"{title}: not possible", text="", kind="error"))
+    assert client.add_notification.call_count == 2
 
 
 def test_what_pages_ask_for_waits_only_so_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

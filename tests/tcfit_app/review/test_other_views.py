@@ -204,10 +204,10 @@ def test_an_upload_is_read_under_its_own_name_and_kept_in_the_project(
 
 
 def test_an_upload_that_breaks_off_leaves_nothing_and_the_next_one_is_read(
-    fitted_folder: Path, tiny_body: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    fitted_walk: Path, tiny_body: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """The connection ends after one of two parts; the user comes back and uploads the file again."""
-    folder, part, begun = Path(shutil.copytree(fitted_folder, tmp_path / "walk.tcfit")), bytes(512 << 10), list[str]()
+    folder, part, begun = Path(shutil.copytree(fitted_walk, tmp_path / "walk.tcfit")), bytes(512 << 10), list[str]()
 
     def read(first: Any, path: Path, **more: Any) -> OtherView:
         begun.append(path.name)
@@ -258,8 +258,7 @@ def test_frames_that_look_fine_stay_so_until_the_fit_moves(
 ):
     """Another view changes what all frames are fitted to, but no fit before the next one."""
     tab, asked = tested.page.tab, list[frozenset[int]]()
-    project, shown = tab.session.project, tab.look().b
-    assert shown is not None
+    project, shown = tab.session.project, tested.shown
 
     def queue(found: Any, *, checked: frozenset[int], limbs: Any) -> ReviewQueue:
         asked.append(checked)

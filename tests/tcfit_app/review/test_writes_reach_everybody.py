@@ -1,25 +1,18 @@
 """What is written into the project is known to everybody, whatever becomes of the tab that asked for it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
-import viser
 
-from tests.drivers.lone_page import LonePage, lone_page, sample_project
+from tests.drivers.lone_page import LonePage
 from tests.samples.media import write_images
 from tests.samples.project_samples import FRAMES
 
 FIRST = 7
 """The number in the video of the sample clip's frame 0."""
-
-
-@pytest.fixture
-def tested(panel_server: viser.ViserServer, tmp_path: Path) -> Iterator[LonePage]:
-    with sample_project(tmp_path / "walk.tcfit") as project, lone_page(panel_server, project) as made:
-        yield made
 
 
 def images(folder: Path, *, seed: int = 0) -> Path:
@@ -56,11 +49,11 @@ WRITES = {
 
 
 @pytest.mark.parametrize("write", WRITES.values(), ids=WRITES.keys())
-def test_a_write_is_known_though_its_tab_was_closed_meanwhile(tested: LonePage, tmp_path: Path, write: Write):
-    before = write.known(tested)
-    tested.field(write.field)._impl.value = str(write.make(tmp_path / "given"))
-    tested.press(write.command)
-    tested.page.close()
-    tested.settle()
-    assert write.known(tested) != before
-    assert [notice.title for notice in tested.notices] == [write.told]
+def test_a_write_is_known_though_its_tab_was_closed_meanwhile(sample_page: LonePage, tmp_path: Path, write: Write):
+    before = write.known(sample_page)
+    sample_page.field(write.field)._impl.value = str(write.make(tmp_path / "given"))
+    sample_page.press(write.command)
+    sample_page.page.close()
+    sample_page.settle()
+    assert write.known(sample_page) != before
+    assert [notice.title for notice in sample_page.notices] == [write.told]

@@ -1,6 +1,6 @@
 """The rows of the timeline: what each shows of the fits A and B."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,7 +8,6 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-import viser
 
 from fitting_core.errors import InputError
 from tcfit_app.analysis.curves import BETWEEN, CURVES, Curve
@@ -17,30 +16,27 @@ from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.review.browser.page_events import Plot
 from tcfit_app.review.drawing.rows import CHOICES, MOST_ROWS, PLOTS, with_plot
 from tcfit_app.review.tab.state import TabState
-from tests.drivers.lone_page import LonePage, lone_page, sample_project, told
+from tests.drivers.lone_page import LonePage, sample_project, told
 
 VALUES = {1: np.array([1.0, 2, 3, 4, 5, 6]), 2: np.array([2.0, 2, 2, 2, 2, np.nan])}
 """By run."""
 
 
 @pytest.fixture
-def tested(panel_server: viser.ViserServer, tmp_path: Path) -> Iterator[LonePage]:
+def tested(page_of: Callable[..., LonePage], tmp_path: Path) -> LonePage:
     """Two runs, which are A and B."""
-    with (
-        sample_project(tmp_path / "walk.tcfit", "first", "second") as project,
-        lone_page(panel_server, project) as made,
-    ):
-        tab = made.page.tab
-        tab.set(a=FitChoice(run=1), b=FitChoice(run=2), mode="ab")
+    made = page_of(sample_project(tmp_path / "walk.tcfit", "first", "second"))
+    tab = made.page.tab
+    tab.set(a=FitChoice(run=1), b=FitChoice(run=2), mode="ab")
 
-        def curves(names: tuple[str, ...], shown: Shown) -> tuple[Curve, ...]:
-            return made_of.setdefault((names, shown.run.id), tuple(of(name, VALUES[shown.run.id]) for name in names))
+    def curves(names: tuple[str, ...], shown: Shown) -> tuple[Curve, ...]:
+        return made_of.setdefault((names, shown.run.id), tuple(of(name, VALUES[shown.run.id]) for name in names))
 
-        made_of: dict[object, tuple[Curve, ...]] = {}
-        between = of(BETWEEN, np.arange(6.0))
-        tab.data.curves = curves  # pyright: ignore[reportAttributeAccessIssue]
-        tab.data.between = lambda a, b: between  # pyright: ignore[reportAttributeAccessIssue]
-        yield made
+    made_of: dict[object, tuple[Curve, ...]] = {}
+    between = of(BETWEEN, np.arange(6.0))
+    tab.data.curves = curves  # pyright: ignore[reportAttributeAccessIssue]
+    tab.data.between = lambda a, b: between  # pyright: ignore[reportAttributeAccessIssue]
+    return made
 
 
 def of(name: str, values: np.ndarray) -> Curve:

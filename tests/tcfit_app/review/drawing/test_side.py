@@ -1,12 +1,12 @@
 """The side view of a tab: what the page is told, and what keys and buttons make of it. No browser."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import viser
 
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.points.positions import joints_in_space
@@ -18,7 +18,7 @@ from tcfit_app.review.browser.page_states import Bodies, Layout, SidePlate
 from tcfit_app.review.drawing.picture import error_bars_of
 from tcfit_app.review.shared.drawing_data import FrameBody
 from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY
-from tests.drivers.lone_page import LonePage, lone_page
+from tests.drivers.lone_page import LonePage
 from tests.samples.project_samples import sample_error_bars
 from tests.samples.sessions import OneBody, small_clip, until
 
@@ -88,9 +88,8 @@ def test_it_is_there_at_first_and_shows_the_bodies_of_the_pictures(tested: LoneP
 def test_error_bars_are_told_of_the_keypoints_that_are_joints(tested: LonePage):
     (plain,) = seen(tested, "bodies").bodies
     assert not plain.error_bars, "this fit has none"
-    tab = tested.page.tab
-    shown = tab.look().b
-    assert shown is not None and shown.result is not None
+    shown = tested.shown
+    assert shown.result is not None
     bars = sample_error_bars(1, len(shown.params))
     known = replace(shown, result=replace(shown.result, error_bars=bars))
     found = error_bars_of(known, 1)
@@ -104,8 +103,7 @@ def test_keypoints_are_told_in_space_and_how_the_plate_shows_them(tested: LonePa
     tab, state, bodies = tested.page.tab, seen(tested), seen(tested, "bodies")
     assert isinstance(state, SidePlate) and isinstance(bodies, Bodies)
     (body,), (shift,) = bodies.bodies, state.shifts
-    shown = tab.look().b
-    assert shown is not None
+    shown = tested.shown
     points = tab.data.meshes(shown).keypoints(shown.params)[tab.state.frame, :25]
     drawn = FrameBody(shown=shown, frame=tab.state.frame)
     np.testing.assert_allclose(tab.data.body_points(drawn), points, atol=1e-6)
@@ -129,8 +127,7 @@ def test_the_page_is_told_where_what_a_close_up_follows_is(tested: LonePage):
     assert [body.followed for body in seen(tested, "bodies").bodies] == [None]
     for part in CLOSE_UPS:
         tab.set(close_up=part)
-        (body,), shown = seen(tested, "bodies").bodies, tab.look().b
-        assert shown is not None
+        (body,), shown = seen(tested, "bodies").bodies, tested.shown
         points = tab.data.meshes(shown).keypoints(shown.params)[tab.state.frame]
         group = points[GROUPS[part]]
         middle = group[np.isfinite(group).all(1)].mean(0) if np.isfinite(group).any() else points[HELD_BY[part]]
@@ -158,10 +155,7 @@ def test_keys_switch_and_turn_it(tested: LonePage):
     assert tested.page.tab.state.side_from == "top"
 
 
-def test_without_a_fit_there_is_none(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel):
-    with (
-        Project.create(tmp_path / "walk.tcfit", small_clip(tiny_body)) as project,
-        lone_page(panel_server, project, bodies=OneBody(tiny_body)) as made,
-    ):
-        made.page.receive(Hello("me", 1000, 700))
-        assert plates(made) == []
+def test_without_a_fit_there_is_none(page_of: Callable[..., LonePage], tmp_path: Path, tiny_body: BodyModel):
+    made = page_of(Project.create(tmp_path / "walk.tcfit", small_clip(tiny_body)), bodies=OneBody(tiny_body))
+    made.page.receive(Hello("me", 1000, 700))
+    assert plates(made) == []

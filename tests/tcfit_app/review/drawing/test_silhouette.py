@@ -1,12 +1,11 @@
 """The silhouette and the straight lines over the picture: where they are, and when they are sent."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-import viser
 
 from fitting_core.camera import Lens
 from fitting_core.errors import InputError
@@ -18,7 +17,7 @@ from tcfit_app.project.project import Project
 from tcfit_app.review.drawing.overlays import outlines
 from tcfit_app.review.gestures.actions import ACTIONS
 from tcfit_app.review.shared import drawing_data
-from tests.drivers.lone_page import LonePage, lone_page, told
+from tests.drivers.lone_page import LonePage, told
 from tests.drivers.waiting import until
 from tests.samples.spot_clips import FRAMES, SIZE, empty_project, spot_video
 
@@ -63,17 +62,16 @@ def test_it_is_straightened_as_the_picture_is():
 
 
 @pytest.fixture
-def page(panel_server: viser.ViserServer, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[LonePage]:
+def page(page_of: Callable[..., LonePage], tmp_path: Path, request: pytest.FixtureRequest) -> LonePage:
     """The silhouette is known in all frames but the first; with the parameter "unknown" in none."""
     mask = np.packbits(square_mask(SIZE))
     known = Silhouettes.of([None, *[mask] * (FRAMES - 1)], silhouette_size(SIZE))
     points = Keypoints(xy=np.ones((FRAMES, COUNT, 2)), confidence=np.ones((FRAMES, COUNT)))
-    folder = empty_project(tmp_path / "walk.tcfit", spot_video(tmp_path / "walk"))
-    with Project.open(folder) as project:
-        project.take_detections(points, silhouettes=None if getattr(request, "param", "") == "unknown" else known)
-        with lone_page(panel_server, project) as made:
-            made.only()
-            yield made
+    project = Project.open(empty_project(tmp_path / "walk.tcfit", spot_video(tmp_path / "walk")))
+    project.take_detections(points, silhouettes=None if getattr(request, "param", "") == "unknown" else known)
+    made = page_of(project)
+    made.only()
+    return made
 
 
 def test_it_is_sent_where_it_is_wanted_and_known(page: LonePage):

@@ -35,9 +35,8 @@ def tested(fitted_page: LonePage) -> LonePage:
 
 def depths(tested: LonePage, body: BodyModel) -> np.ndarray:
     """Of the fit on show, behind the pelvis, metres."""
-    shown = tested.page.tab.look().b
-    assert shown is not None
-    return keypoints_in_space(body, shown.params)[0][..., 2] - joints_in_space(body, shown.params)[:, :1, 2]
+    params = tested.shown.params
+    return keypoints_in_space(body, params)[0][..., 2] - joints_in_space(body, params)[:, :1, 2]
 
 
 def test_a_limb_is_mirrored_and_the_fit_follows(tested: LonePage, tiny_body: BodyModel):
@@ -96,18 +95,14 @@ def test_a_joint_is_pinned_where_it_is_now(tested: LonePage, tiny_body: BodyMode
     tab.set(selection=(WRIST,))
     with pytest.raises(InputError, match="First select the frames"):
         tested.press("action", "pin")
-    shown = tab.look().b
-    assert shown is not None
-    where = keypoints_in_space(tiny_body, shown.params)[0][4, WRIST]
+    where = keypoints_in_space(tiny_body, tested.shown.params)[0][4, WRIST]
     tab.set(frames=range(2, 7))
     tested.press("action", "pin")
     edit = tested.last_edit
     assert isinstance(edit, Pin) and (edit.frames, edit.joints) == ((2, 3, 4, 5, 6), (WRIST,))
     assert tab.message[0] == "Saved: right wrist pinned in space, frames 2–6"
     tested.idle()
-    shown = tab.look().b
-    assert shown is not None
-    after = keypoints_in_space(tiny_body, shown.params)[0][2:7, WRIST]
+    after = keypoints_in_space(tiny_body, tested.shown.params)[0][2:7, WRIST]
     assert np.linalg.norm(after - where, axis=1).max() < 0.05
     tab.set(selection=(WRIST, 30))
     with pytest.raises(InputError, match="1 of the selected keypoints are not body keypoints"):
@@ -118,18 +113,15 @@ def test_a_joint_is_locked_as_it_is_turned(tested: LonePage):
     tab = tested.page.tab
     tab.seek(4)
     tab.set(selection=(WRIST, 30), frames=range(2, 7))
-    shown = tab.look().b
-    assert shown is not None
     wrist = slice(3 * (JOINT["right_wrist"] - 1), 3 * JOINT["right_wrist"])
-    turn = shown.params.body_pose[4, wrist]
+    turn = tested.shown.params.body_pose[4, wrist]
     tested.press("action", "lock")
     edit = tested.last_edit
     assert isinstance(edit, Lock) and (edit.frames, edit.joints) == ((2, 3, 4, 5, 6), (WRIST,))
     np.testing.assert_allclose(edit.turn, [turn.tolist()], atol=1e-5)
     assert tab.message[0] == "Saved: right wrist rotation locked, frames 2–6"
     tested.idle()
-    after = tab.look().b
-    assert after is not None and abs(after.params.body_pose[2:7, wrist] - turn).max() < 0.05
+    assert abs(tested.shown.params.body_pose[2:7, wrist] - turn).max() < 0.05
     tested.press("action", "unlock")
     assert tested.last_edit == Unlock(frames=(2, 3, 4, 5, 6), joints=(WRIST,))
     with pytest.raises(InputError, match="None of the selected joints is locked in frames 2–6"):

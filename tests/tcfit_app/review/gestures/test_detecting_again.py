@@ -1,14 +1,13 @@
 """Detecting again: what is looked for and where, the edit that becomes of it, and what is said."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import viser
 
 from fitting_core.camera import Lens
 from fitting_core.clip import Clip
@@ -24,7 +23,7 @@ from tcfit_app.review.browser.page_events import Framed, Key
 from tcfit_app.review.drawing import menus
 from tcfit_app.review.drawing.status import Status
 from tcfit_app.review.panels.correct.correct_panel import CorrectPanel
-from tests.drivers.lone_page import LonePage, lone_page
+from tests.drivers.lone_page import LonePage
 from tests.samples.media import write_images
 from tests.samples.project_samples import CAMERA, FRAMES, sample_clip
 
@@ -74,13 +73,20 @@ def clip_of(folder: Path, lens: Lens | None = None) -> Clip:
 
 
 @pytest.fixture
-def tested(panel_server: viser.ViserServer, tmp_path: Path, looking: Looking) -> Iterator[LonePage]:
-    with (
-        Project.create(tmp_path / "walk.tcfit", clip_of(tmp_path / "images")) as project,
-        lone_page(panel_server, project) as made,
-    ):
-        made.only(CorrectPanel)
-        yield made
+def page_with(page_of: Callable[..., LonePage], tmp_path: Path, looking: Looking) -> Callable[..., LonePage]:
+    """page_with(lens): the panel Correct of the sample clip with its images."""
+
+    def made(lens: Lens | None = None) -> LonePage:
+        page = page_of(Project.create(tmp_path / "walk.tcfit", clip_of(tmp_path / "images", lens)))
+        page.only(CorrectPanel)
+        return page
+
+    return made
+
+
+@pytest.fixture
+def tested(page_with: Callable[..., LonePage]) -> LonePage:
+    return page_with()
 
 
 def project_of(tested: LonePage) -> Project:
@@ -204,24 +210,24 @@ def test_what_goes_wrong_is_told_with_what_to_do(tested: LonePage, monkeypatch: 
     assert told.title == "Detecting the face again: not possible" and "tcfit models add mediapipe" in told.text
 
 
-def test_without_a_video_nothing_is_offered(panel_server: viser.ViserServer, tmp_path: Path, looking: Looking):
+def test_without_a_video_nothing_is_offered(page_of: Callable[..., LonePage], tmp_path: Path, looking: Looking):
     clip = replace(clip_of(tmp_path / "images"), source=None)
-    with Project.create(tmp_path / "walk.tcfit", clip) as project, lone_page(panel_server, project) as page:
-        page.only(CorrectPanel)
-        assert "video is missing" in page.html()
-        with pytest.raises(InputError, match="video is missing"):
-            page.page.gestures.again.look("face")
+    page = page_of(Project.create(tmp_path / "walk.tcfit", clip))
+    page.only(CorrectPanel)
+    assert "video is missing" in page.html()
+    with pytest.raises(InputError, match="video is missing"):
+        page.page.gestures.again.look("face")
 
 
 def test_a_project_that_cannot_be_changed_is_not_looked_at(
-    panel_server: viser.ViserServer, tmp_path: Path, looking: Looking
+    page_of: Callable[..., LonePage], tmp_path: Path, looking: Looking
 ):
     Project.create(tmp_path / "walk.tcfit", clip_of(tmp_path / "images")).close()
-    with Project.open(tmp_path / "walk.tcfit", read_only=True) as project, lone_page(panel_server, project) as page:
-        page.only(CorrectPanel)
-        assert "Detect again" not in page.html()
-        with pytest.raises(InputError, match="read-only"):
-            page.page.gestures.again.look("face")
+    page = page_of(Project.open(tmp_path / "walk.tcfit", read_only=True))
+    page.only(CorrectPanel)
+    assert "Detect again" not in page.html()
+    with pytest.raises(InputError, match="read-only"):
+        page.page.gestures.again.look("face")
 
 
 def test_the_menus_offer_it(tested: LonePage):
@@ -235,22 +241,17 @@ def test_the_menus_offer_it(tested: LonePage):
     assert "Detect again, frames 8–9" in labels
 
 
-def test_the_lens_is_put_back_to_look_and_taken_away_after(
-    panel_server: viser.ViserServer, tmp_path: Path, looking: Looking
-):
-    with (
-        Project.create(tmp_path / "walk.tcfit", clip_of(tmp_path / "images", LENS)) as project,
-        lone_page(panel_server, project) as page,
-    ):
-        page.only(CorrectPanel)
-        before = project.clip.keypoints
-        page.press("action", "detect_left_hand")
-        page.settle()
-        near = looking.asked[0]["near"][0]
-        assert np.allclose(near[:, :2], filmed_keypoints(before, LENS).xy[0])
-        assert not np.allclose(near[:, :2], before.xy[0], atol=0.5)
-        straight = project.corrected.xy[0, LEFT_HAND.start]
-        assert np.allclose(filmed(LENS, straight), PLACE, atol=0.01) and not np.allclose(straight, PLACE, atol=0.5)
+def test_the_lens_is_put_back_to_look_and_taken_away_after(page_with: Callable[..., LonePage], looking: Looking):
+    page = page_with(LENS)
+    project = project_of(page)
+    before = project.clip.keypoints
+    page.press("action", "detect_left_hand")
+    page.settle()
+    near = looking.asked[0]["near"][0]
+    assert np.allclose(near[:, :2], filmed_keypoints(before, LENS).xy[0])
+    assert not np.allclose(near[:, :2], before.xy[0], atol=0.5)
+    straight = project.corrected.xy[0, LEFT_HAND.start]
+    assert np.allclose(filmed(LENS, straight), PLACE, atol=0.01) and not np.allclose(straight, PLACE, atol=0.5)
 
 
 def test_a_rectangle_covers_what_it_shows_through_the_lens():

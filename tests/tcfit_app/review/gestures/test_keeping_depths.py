@@ -88,9 +88,7 @@ def tested(folder: Path, tiny_body: BodyModel, panel_server: viser.ViserServer) 
 def followed(tested: LonePage) -> FitResult:
     session = tested.page.tab.session
     tested.until(lambda: not session.jobs and not session.edit_follower.lags)
-    shown = tested.page.tab.look().b
-    assert shown is not None
-    return session.fits.fit(shown.run)
+    return session.fits.fit(tested.shown.run)
 
 
 def depths(fit: FitResult, body: BodyModel) -> np.ndarray:

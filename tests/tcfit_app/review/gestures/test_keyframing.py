@@ -42,8 +42,7 @@ def drag(tested: LonePage, frame: int, dx: float, *joints: int) -> None:
 def test_two_drags_take_the_frames_between_along_and_the_fit_follows_all(tested: LonePage):
     tab, session = tested.page.tab, tested.page.tab.session
     detected = session.project.detections.xy[:, WRIST]
-    shown = tab.look().b
-    assert shown is not None
+    shown = tested.shown
     before = shown.params.body_pose.clone()
     drag(tested, 1, 20.0, WRIST)
     assert tested.last_edit == PlaceKey(
@@ -172,9 +171,7 @@ def test_a_keypoint_is_dragged_in_depth_and_the_body_follows(tested: LonePage):
     tab, session = tested.page.tab, tested.page.tab.session
 
     def depth(frame: int) -> float:
-        shown = tab.look().b
-        assert shown is not None
-        points = tab.data.body_points(FrameBody(shown=shown, frame=frame))
+        points = tab.data.body_points(FrameBody(shown=tested.shown, frame=frame))
         return float(points[WRIST, 2] - points[INDEX["mid_hip"], 2])
 
     before, xy = depth(3), corrected(tested).xy.copy()

@@ -38,9 +38,7 @@ def tested(fitted_page: LonePage) -> LonePage:
 
 
 def fitted_hand(tested: LonePage, body: BodyModel, side: Side) -> np.ndarray:
-    shown = tested.page.tab.look().b
-    assert shown is not None
-    return full_pose(body, shown.params)[:, POSE_JOINTS[f"{side}_hand_pose"]].numpy()
+    return full_pose(body, tested.shown.params)[:, POSE_JOINTS[f"{side}_hand_pose"]].numpy()
 
 
 def nearest(body: BodyModel, angles: np.ndarray, side: int) -> np.ndarray:

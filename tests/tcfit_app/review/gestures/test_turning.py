@@ -52,15 +52,11 @@ def rotation(found: Rings) -> Rotation:
 
 def elbow(tested: LonePage) -> np.ndarray:
     """Axis-angle in the fit on show."""
-    shown = tested.page.tab.look().b
-    assert shown is not None
-    return shown.params.body_pose[FRAME].view(-1, 3)[JOINT["left_elbow"] - JOINT["left_hip"]].numpy()
+    return tested.shown.params.body_pose[FRAME].view(-1, 3)[JOINT["left_elbow"] - JOINT["left_hip"]].numpy()
 
 
 def test_they_are_at_the_joint_and_turned_with_it(tested: LonePage, tiny_body: BodyModel):
-    found, shown = there(tested), tested.page.tab.look().b
-    assert shown is not None
-    params = shown.params[[FRAME]]
+    found, params = there(tested), tested.shown.params[[FRAME]]
     joints = joints_in_space(tiny_body, params)[0]
     np.testing.assert_allclose(found.position, joints[JOINT["left_elbow"]], atol=1e-6)
     # The forearm lies as the elbow's turn takes it from the rest pose.

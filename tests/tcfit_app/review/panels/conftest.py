@@ -10,7 +10,7 @@ import viser
 from fitting_core.body.model import BodyModel
 from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
 from tcfit_app.project.project import Project
-from tests.drivers.lone_page import LonePage, lone_page, sample_project, tiny_page
+from tests.drivers.lone_page import LonePage, sample_project, tiny_page
 
 ATTACK = "<img src=x onerror=alert(1)>"
 Opener = Callable[[type], LonePage]
@@ -23,9 +23,8 @@ def project(tmp_path: Path) -> Iterator[Project]:
 
 
 @pytest.fixture
-def tested(panel_server: viser.ViserServer, project: Project) -> Iterator[LonePage]:
-    with lone_page(panel_server, project) as made:
-        yield made
+def tested(page_of: Callable[..., LonePage], project: Project) -> LonePage:
+    return page_of(project)
 
 
 @pytest.fixture

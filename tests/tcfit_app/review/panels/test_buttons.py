@@ -67,27 +67,27 @@ def test_a_press_that_was_on_its_way_while_its_value_was_replaced_counts(monkeyp
 
 
 @pytest.fixture
-def panel_page(panel_server: viser.ViserServer, tmp_path: Path):
+def tested(panel_server: viser.ViserServer, tmp_path: Path):
     with sample_project(tmp_path / "walk.tcfit", "first") as project, lone_page(panel_server, project) as made:
         yield made
 
 
-def test_a_drag_beyond_the_clip_is_none(panel_page: LonePage):
-    for frame in (panel_page.page.tab.length, 2**70):
-        panel_page.page.receive(Drag("start", (1,), 0.0, 0.0, frame))
-        assert not panel_page.page.gestures.correcting.dragging
+def test_a_drag_beyond_the_clip_is_none(tested: LonePage):
+    for frame in (tested.page.tab.length, 2**70):
+        tested.page.receive(Drag("start", (1,), 0.0, 0.0, frame))
+        assert not tested.page.gestures.correcting.dragging
 
 
-def test_the_video_is_looked_for_elsewhere_only_while_it_is_missing(panel_page: LonePage, tmp_path: Path):
-    tab = panel_page.page.tab
+def test_the_video_is_looked_for_elsewhere_only_while_it_is_missing(tested: LonePage, tmp_path: Path):
+    tab = tested.page.tab
     folder = write_images(tmp_path / "images", *(f"{frame:03}.png" for frame in range(tab.length)))
-    panel_page.enter("New location", str(folder))
-    panel_page.press("review.relink")
-    panel_page.settle()
+    tested.enter("New location", str(folder))
+    tested.press("review.relink")
+    tested.settle()
     tab.data.video.problem_of = lambda frame: ""  # pyright: ignore[reportAttributeAccessIssue]
-    panel_page.draw()
+    tested.draw()
     linked = tab.session.project.media.path
     assert linked is not None and not tab.session.project.media.problem
-    panel_page.enter("New location", str(Path(__file__)))
-    panel_page.page.receive(Press("review.relink", ""))
+    tested.enter("New location", str(Path(__file__)))
+    tested.page.receive(Press("review.relink", ""))
     assert tab.session.project.media.path == linked

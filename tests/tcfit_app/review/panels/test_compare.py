@@ -1,10 +1,10 @@
 """What the panel Fit shows while two fits are compared."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-import viser
 
 from fitting_core import keypoints as kp
 from fitting_core.errors import InputError
@@ -13,7 +13,7 @@ from tcfit_app.analysis.run_metrics import Metric
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.review.gestures.actions import ACTIONS
 from tcfit_app.review.panels.fit.fit_panel import FitPanel
-from tests.drivers.lone_page import BODY, CONFIG, LonePage, lone_page, sample_fit, sample_project
+from tests.drivers.lone_page import BODY, CONFIG, LonePage, sample_fit, sample_project
 from tests.samples.sessions import FRAMES
 from tests.tcfit_app.review.panels.conftest import Opener
 
@@ -74,16 +74,16 @@ def test_fits_are_compared_with_a_reference(panel_of: Opener, tmp_path: Path):
     tested.until(lambda: f"PA-MPJPE, {FRAMES - 2} of {FRAMES} frames" in tested.html())
 
 
-def test_one_fit_without_passes_has_nothing_beside_it(panel_server: viser.ViserServer, tmp_path: Path):
-    with sample_project(tmp_path / "walk.tcfit") as project:
-        run = project.runs.start(CONFIG, body=BODY, edits_seen=0, kind="imported", name="theirs")
-        project.runs.finish(run.id, sample_fit(0))
-        with lone_page(panel_server, project) as tested:
-            for name in ("ab", "wipe", "blinked", "difference", "ghost"):
-                with pytest.raises(InputError, match="only one fit"):
-                    ACTIONS[name].do(tested.page.gestures)
-            other = project.runs.start(CONFIG, body=BODY, edits_seen=0, name="ours")
-            project.runs.finish(other.id, sample_fit(1))
-            tested.until(lambda: len(tested.page.tab.session.fits.runs) == 2)
-            ACTIONS["ab"].do(tested.page.gestures)
-            assert tested.page.tab.state.mode == "ab"
+def test_one_fit_without_passes_has_nothing_beside_it(page_of: Callable[..., LonePage], tmp_path: Path):
+    project = sample_project(tmp_path / "walk.tcfit")
+    run = project.runs.start(CONFIG, body=BODY, edits_seen=0, kind="imported", name="theirs")
+    project.runs.finish(run.id, sample_fit(0))
+    tested = page_of(project)
+    for name in ("ab", "wipe", "blinked", "difference", "ghost"):
+        with pytest.raises(InputError, match="only one fit"):
+            ACTIONS[name].do(tested.page.gestures)
+    other = project.runs.start(CONFIG, body=BODY, edits_seen=0, name="ours")
+    project.runs.finish(other.id, sample_fit(1))
+    tested.until(lambda: len(tested.page.tab.session.fits.runs) == 2)
+    ACTIONS["ab"].do(tested.page.gestures)
+    assert tested.page.tab.state.mode == "ab"

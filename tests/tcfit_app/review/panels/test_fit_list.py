@@ -50,8 +50,7 @@ def test_fits_are_shown_renamed_deleted_and_restored(tested: LonePage):
     assert "<img" not in tested.html() and "&lt;img src=x" in tested.html()
     choose(tested, first, "Delete")
     assert [run.id for run in session.fits.runs] == [second.id]
-    shown = tab.look().b
-    assert shown is not None and shown.run.id == second.id, "the newest, in its place"
+    assert tested.shown.run.id == second.id, "the newest, in its place"
     tested.click("Restore")
     assert [run.id for run in session.fits.runs] == [first.id, second.id]
     tested.until(lambda: (shown := tab.look().b) is not None and shown.run.id == first.id)  # what was chosen

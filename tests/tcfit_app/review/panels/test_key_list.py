@@ -2,13 +2,11 @@
 
 from pathlib import Path
 
-import viser
-
 from tcfit_app.review.gestures.actions import ACTIONS, Key, key_text
 from tcfit_app.review.panels import PANELS
 from tcfit_app.review.panels.key_list import GESTURES, joined_keys, key_groups, keys_html
 from tcfit_app.review.tab.state import MODES
-from tests.drivers.lone_page import lone_page, sample_project
+from tests.drivers.lone_page import LonePage
 
 PAGE = Path(__file__).parents[4] / "docs" / "app.md"
 
@@ -65,8 +63,7 @@ def test_every_panel_of_a_fitted_clip_has_a_key():
     assert keys == [f"Shift+{number}" for number, _ in enumerate(PANELS, 1)]
 
 
-def test_the_window_has_a_heading_for_each_group(panel_server: viser.ViserServer, tmp_path: Path):
-    with sample_project(tmp_path / "walk.tcfit") as project, lone_page(panel_server, project) as tested:
-        shown = keys_html(tested.page.gestures)
+def test_the_window_has_a_heading_for_each_group(tested: LonePage):
+    shown = keys_html(tested.page.gestures)
     assert all(f"<b>{group}</b>" in shown for group in key_groups())
     assert "Compare" in shown and "tcfit-close" in shown

@@ -1,17 +1,15 @@
 """Everything typed into a page that is a path: a page that is open elsewhere reads no file of the user's."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import viser
 
-from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.server.page_files import PageFiles
-from tests.drivers.lone_page import LonePage, lone_page, sample_project
+from tests.drivers.lone_page import LonePage, sample_project
 from tests.samples.media import write_video
 from tests.samples.spot_clips import empty_project, spot_video
 from tests.tcfit_app.hostile.paths import hostile_paths
@@ -32,16 +30,14 @@ def named(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture
-def page(named: str, panel_server: viser.ViserServer, tmp_path: Path) -> Iterator[LonePage]:
+def page(named: str, page_of: Callable[..., LonePage], tmp_path: Path) -> LonePage:
     folder = tmp_path / "new.tcfit"
     if named in _WITHOUT_KEYPOINTS:
-        empty_project(folder, spot_video(tmp_path / "spots"))
-        opened = Project.open(folder)
+        made = page_of(empty_project(folder, spot_video(tmp_path / "spots")))
     else:
-        opened = sample_project(folder, "a run")
-    with opened as project, lone_page(panel_server, project) as made:
-        made.draw()
-        yield made
+        made = page_of(sample_project(folder, "a run"))
+    made.draw()
+    return made
 
 
 def name(page: LonePage, named: str, path: str) -> list[str]:

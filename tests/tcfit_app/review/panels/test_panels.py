@@ -1,7 +1,9 @@
 """All panels: what they send, and when their buttons are off."""
 
+from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import pytest
 import viser
 from viser import _gui_api, _gui_handles
@@ -15,8 +17,11 @@ from tcfit_app.review.drawing.status import lasting
 from tcfit_app.review.gestures.actions import ACTIONS
 from tcfit_app.review.page import SKELETON
 from tcfit_app.review.panels import PANELS
+from tcfit_app.review.panels.start_panel import StartPanel
+from tcfit_app.server.page_messages import GuiUpdateMessage, read
+from tcfit_app.server.screen import FITS
 from tcfit_app.server.viser_bridge import icon, keep_icons_open
-from tests.drivers.lone_page import LonePage, lone_page, sample_project
+from tests.drivers.lone_page import LonePage, sample_project
 from tests.samples.media import write_images
 from tests.samples.project_samples import FRAMES
 from tests.tcfit_app.review.panels.conftest import ATTACK, suspect, with_suspects
@@ -89,26 +94,36 @@ def test_finding_the_video_again(tested: LonePage, tmp_path: Path):
     ) and page.tab.session.project.media.problem == ""
 
 
-def test_read_only_buttons_are_off(panel_server: viser.ViserServer, tmp_path: Path):
+def test_read_only_buttons_are_off(page_of: Callable[..., LonePage], tmp_path: Path):
     sample_project(tmp_path / "walk.tcfit", "first").close()
-    with Project.open(tmp_path / "walk.tcfit", read_only=True) as project, lone_page(panel_server, project) as tested:
-        tested.page.tab.set(selection=(4,))
-        assert "Opened read-only" in tested.html() and ">Mark bad<" not in tested.html()
-        editable = {
-            name: not tested.field(name).disabled for name in ("Smoothness (w_T)", "Held near (m)", "Note", "Name")
-        }
-        assert editable == dict.fromkeys(editable, False)
-        assert lasting(tested.page.tab)[0].text == "Read-only"
+    tested = page_of(Project.open(tmp_path / "walk.tcfit", read_only=True))
+    tested.page.tab.set(selection=(4,))
+    assert "Opened read-only" in tested.html() and ">Mark bad<" not in tested.html()
+    assert all(tested.field(name).disabled for name in ("Smoothness (w_T)", "Held near (m)", "Note", "Name"))
+    assert lasting(tested.page.tab)[0].text == "Read-only"
 
 
-def test_what_needs_a_fit_or_the_video_is_off_without(panel_server: viser.ViserServer, tmp_path: Path):
-    sample_project(tmp_path / "walk.tcfit").close()
-    with Project.open(tmp_path / "walk.tcfit") as project, lone_page(panel_server, project) as tested:
-        gestures = tested.page.gestures
-        for name in ("ab", "space", "blinked", "bodies", "outline", "difference", "side"):
-            assert "There is no fit yet" in ACTIONS[name].obstacle(gestures), name
-        assert "no finished fit" in ACTIONS["approve"].obstacle(gestures)
-        assert tested.button("Body").disabled
+def test_what_needs_a_fit_or_the_video_is_off_without(page_of: Callable[..., LonePage], tmp_path: Path):
+    tested = page_of(sample_project(tmp_path / "walk.tcfit"))
+    gestures = tested.page.gestures
+    for name in ("ab", "space", "blinked", "bodies", "outline", "difference", "side"):
+        assert "There is no fit yet" in ACTIONS[name].obstacle(gestures), name
+    assert "no finished fit" in ACTIONS["approve"].obstacle(gestures)
+    assert tested.button("Body").disabled
+
+
+def test_what_a_user_enters_gets_through(tested: LonePage):
+    """The server knows each kind of input, for it drops the values of any other."""
+    StartPanel(tested.page.gestures)
+    tested.draw()
+    inputs = list(tested.page.tab.client.gui._gui_input_handle_from_uuid.values())
+    assert len(inputs) > 30
+    for widget in inputs:
+        if not isinstance(widget, viser.GuiUploadButtonHandle):
+            sent = {"type": "GuiUpdateMessage", "uuid": "", "updates": {"value": widget.value}}
+            message = read(msgspec.msgpack.encode(sent))
+            assert isinstance(message, GuiUpdateMessage)
+            assert FITS[type(widget)](widget, message.updates.value), widget
 
 
 def test_frames_that_are_selected_elsewhere_are_not_changed(tested: LonePage):

@@ -1,25 +1,20 @@
 """What is on show in a tab: one answer for everything that is drawn."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import viser
 
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice, Fits
 from tcfit_app.review.browser.page_events import Hello
-from tests.drivers.lone_page import LonePage, lone_page, sample_project
+from tests.drivers.lone_page import LonePage, sample_project
 
 
 @pytest.fixture
-def tested(panel_server: viser.ViserServer, tmp_path: Path) -> Iterator[LonePage]:
-    with (
-        sample_project(tmp_path / "walk.tcfit", "first", "second") as project,
-        lone_page(panel_server, project) as made,
-    ):
-        yield made
+def tested(page_of: Callable[..., LonePage], tmp_path: Path) -> LonePage:
+    return page_of(sample_project(tmp_path / "walk.tcfit", "first", "second"))
 
 
 @pytest.mark.parametrize(
