@@ -74,7 +74,7 @@ class LonePage:
         """Those that are drawn."""
         self.notices: list[Notice] = []
         self.downloads: dict[str, bytes] = {}
-        page.tab.notify = page.tab.session.tell = self.notices.append
+        page.tab.notify = page.tab.session.tell = self.notices.append  # pyright: ignore[reportAttributeAccessIssue]
         page.tab.client.send_file_download = self._download  # pyright: ignore[reportAttributeAccessIssue]
 
     def _download(self, name: str, content: bytes, save_immediately: bool) -> None:
@@ -100,7 +100,7 @@ class LonePage:
         """All HTML that header, bar and panels show."""
         self.draw()
         handles = [h for h in self._children() if isinstance(h, viser.GuiHtmlHandle)]
-        around = [self.page.tab.channel._sent[name].html for name in ("header", "bar")]
+        around = [self.page.tab.channel._sent[name].html for name in ("header", "bar")]  # pyright: ignore[reportAttributeAccessIssue, reportOptionalMemberAccess]
         return "\n".join([*around, *(handle.content for handle in handles)])
 
     def _children(self) -> list[Any]:

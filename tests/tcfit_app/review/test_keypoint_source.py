@@ -253,7 +253,7 @@ def test_what_was_found_when_it_was_cancelled_is_not_looked_for_again(
     with session_of(folder, None) as first:
         first.source.detect(DEFAULT)
         until(first, lambda: first.source.people and len(first.source.people.done) == 2)
-        assert [part[0] for part in first.source.people.done] == [0, 4] and first.source.people.count == 2
+        assert [part[0] for part in first.source.people.done] == [0, 4] and first.source.people.count == 2  # pyright: ignore[reportOptionalMemberAccess]
         first.source.cancel()
         gate.set()
         ended(first)

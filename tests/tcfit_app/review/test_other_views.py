@@ -229,7 +229,7 @@ def test_an_upload_that_breaks_off_leaves_nothing_and_the_next_one_is_read(
     monkeypatch.setattr(other_views, "read_view", read)
     with (
         Project.open(folder) as project,
-        serving("test", lambda server: ReviewApp(Session(project, OneBody(tiny_body)), server.viser)) as (app, server),
+        serving("test", lambda server: ReviewApp(Session(project, OneBody(tiny_body)), server.viser)) as (app, server),  # pyright: ignore[reportArgumentType]
     ):
         cookie, before = admitted(server.gate.link), files()
 
@@ -265,7 +265,7 @@ def test_frames_that_look_fine_stay_so_until_the_fit_moves(
         return ReviewQueue(left=(), looked_at=0)
 
     def fine() -> frozenset[int]:
-        tested.until(lambda: tab.data.queue(shown) is not None)
+        tested.until(lambda: tab.data.queue(shown) is not None)  # pyright: ignore[reportArgumentType]
         return asked[-1]
 
     monkeypatch.setattr(drawing_data, "review_queue", queue)

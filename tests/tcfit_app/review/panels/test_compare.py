@@ -42,7 +42,7 @@ def test_a_re_run_stands_beside_what_it_came_from(panel_of: Opener):
     tab.set(frames=range(2, 5))
     tested.page.gestures.fitting.frames()
     rerun = session.fits.runs[-1]
-    assert (tab.state.a.run, tab.state.b.run) == (first.id, rerun.id)
+    assert (tab.state.a.run, tab.state.b.run) == (first.id, rerun.id)  # pyright: ignore[reportOptionalMemberAccess]
     tested.until(lambda: not session.jobs)
     assert tab.look().a is None, "nothing is compared yet"
     tab.set(mode="ab")
@@ -52,7 +52,7 @@ def test_a_re_run_stands_beside_what_it_came_from(panel_of: Opener):
     assert b.result is not None and seconds == pytest.approx(b.result.seconds), "its own, not its parent's"
     tab.set(mode="edit", a=FitChoice(), b=FitChoice())
     tested.press(f"fits.menu {rerun.id}", "Compare with the one before")
-    assert tab.state.mode == "ab" and (tab.look().a.run.id, tab.look().b.run.id) == (first.id, rerun.id)
+    assert tab.state.mode == "ab" and (tab.look().a.run.id, tab.look().b.run.id) == (first.id, rerun.id)  # pyright: ignore[reportOptionalMemberAccess]
 
 
 def _metrics(tested: LonePage, shown: Shown) -> tuple[Metric, ...]:

@@ -68,7 +68,7 @@ def test_a_fit_and_its_corrections_are_one_row(tested: LonePage):
     rename(tested, run, "waltz")
     assert "waltz with 2 corrections" in tested.html()
     choose(tested, run, "Compare with/waltz")
-    assert (tab.look().a.run.id, tab.look().b.run.kind) == (run.id, "corrections")
+    assert (tab.look().a.run.id, tab.look().b.run.kind) == (run.id, "corrections")  # pyright: ignore[reportOptionalMemberAccess]
     choose(tested, run, "Delete")
     assert not tab.session.fits.runs and "Deleted (1)" in tested.html()
     tested.click("Restore")
