@@ -48,7 +48,7 @@ class _Waiter:
     def done(self) -> bool:
         if self.times:
             self.times -= 1
-            self._event._waiters.append(self)  # pyright: ignore[reportAttributeAccessIssue]
+            self._event._waiters.append(self)  # pyright: ignore
             self._event._value = False  # pyright: ignore[reportAttributeAccessIssue]
         return True
 
@@ -57,7 +57,7 @@ def test_only_an_event_whose_waiters_changed_is_set_again_at_once(caplog: pytest
     told: list[Notice] = []
     event = asyncio.Event()
     waiter = _Waiter(event, 1)
-    event._waiters.append(waiter)  # pyright: ignore[reportAttributeAccessIssue]
+    event._waiters.append(waiter)  # pyright: ignore
     Faults(told.append).attempt("draw", event.set, 0.0)
     assert not waiter.times and event.is_set() and not told and not caplog.records
     calls = []
