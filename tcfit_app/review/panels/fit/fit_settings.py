@@ -1,7 +1,7 @@
 """The settings of the next fit: inputs for those changed most often, and all others as TOML."""
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -21,15 +21,7 @@ from fitting_core.priors.files.registry import list_priors
 from tcfit_app.project.storage.run_record import Source, by_name
 from tcfit_app.review.gestures.fitting import camera_of
 from tcfit_app.review.panels.elements.camera_input import CameraInput
-from tcfit_app.review.panels.elements.field import (
-    Dropdown,
-    Field,
-    Number,
-    NumberField,
-    When,
-    always,
-    for_writers,
-)
+from tcfit_app.review.panels.elements.field import Dropdown, Field, Number, NumberField, When, always, for_writers
 from tcfit_app.review.panels.elements.html import Board, button, paragraph, row
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
@@ -97,6 +89,9 @@ _BODY = frozenset(("kind", "gender"))
 _SOURCE = "All settings"
 _FILE = "a file …"
 _PATH = "Path of the shape"
+_Read = Callable[[FitSettings], Any]
+_Take = Callable[[Any], None]
+_Options = Callable[[], Sequence[str]]
 
 
 @lru_cache(256)
@@ -155,7 +150,7 @@ class FitInputs:
     def add_preset(self) -> None:
         """The preset, with a line about it."""
         hint = " ".join(f"{name}: {line}" for name, line in PRESET_LINES.items())
-        self._add_dropdown("preset", "Preset", PRESETS, hint, self._take_preset, lambda s: s.preset)
+        self._add_dropdown("preset", "Preset", hint, lambda s: s.preset, self._take_preset, lambda: (*PRESETS,))
         self._lines.append((Board(self._tab), self._when))
 
     def add_changed(self) -> None:
@@ -170,40 +165,37 @@ class FitInputs:
     def _add_setting(self, name: str) -> None:
         kind, known, take = settings()[name].type, ROWS[name], partial(self._take, name)
         if kind in (int, float):
-            self._add_number(name, self._number(name), known.hint, take, lambda s: value_of(s.config, name))
+            self._add_number(name, self._number(name), known.hint, lambda s: value_of(s.config, name), take)
             return
-        options = self._pose_priors if name == "pose_prior" else None
-        values = options() if options else [_word(value) for value in get_args(kind) or (True, False)]
-        self._add_dropdown(
-            name, known.label, values, known.hint, take, lambda s: _word(value_of(s.config, name)), options
-        )
+        choices = tuple(_word(value) for value in get_args(kind) or (True, False))
+        options = self._pose_priors if name == "pose_prior" else lambda: choices
+        self._add_dropdown(name, known.label, known.hint, lambda s: _word(value_of(s.config, name)), take, options)
 
     def add_height(self) -> None:
         """The person's height, or nothing; stored in the project."""
-        known = RANGES["height"]
-        of = "leave it empty if unknown"
-        number = Number(label=ROWS["height"].label, low=known.low, high=known.high, of=of)
+        known, shown = RANGES["height"], ROWS["height"]
+        number = Number(label=shown.label, low=known.low, high=known.high, of="leave it empty if unknown")
 
         def take(metres: float | None) -> None:
-            self._take("height", "none" if metres is None else metres)
+            self._take("height", metres)
             if not (project := self._tab.session.project).read_only:
                 project.set_height(self._tab.state.settings.config.height)
                 self._height = project.height
 
-        self._add_number("height", number, ROWS["height"].hint, take, lambda s: s.config.height, optional=True)
+        self._add_number("height", number, shown.hint, lambda s: s.config.height, take, optional=True)
 
     def add_body(self) -> None:
         """Body model and gender."""
-        hint = "The model of the body file"
-        self._add_dropdown("kind", "Body model", KINDS, hint, lambda v: self._take_body(kind=v), lambda s: s.kind)
-        hint = "Which variant of the model"
-        self._add_dropdown("gender", "Gender", GENDERS, hint, lambda v: self._take_body(gender=v), lambda s: s.gender)
+        hint, take = "The model of the body file", lambda kind: self._take_body(kind=kind)
+        self._add_dropdown("kind", "Body model", hint, lambda s: s.kind, take, lambda: (*KINDS,))
+        hint, take = "Which variant of the model", lambda gender: self._take_body(gender=gender)
+        self._add_dropdown("gender", "Gender", hint, lambda s: s.gender, take, lambda: GENDERS)
 
     def add_focal(self) -> None:
         """The focal length."""
         clip = self._camera.focal[0]
         hint = "For whole fits; a re-run keeps its run's focal length"
-        self._add_number("focal", _FOCAL, hint, self._take_focal, lambda s: round(float(s.focal or clip), 2))
+        self._add_number("focal", _FOCAL, hint, lambda s: round(float(s.focal or clip), 2), self._take_focal)
         self._focal = Board(self._tab)
 
     def add_calibration(self) -> None:
@@ -216,14 +208,14 @@ class FitInputs:
         self._add_source("start", "Start from", hint, "nothing: only the clip")
         hint = "How close the fit stays to its start; empty: it only starts there"
         with self.shown(lambda: self._tab.state.settings.given.start is not None):
-            self._add_number("held", _HELD, hint, self._take_held, lambda s: s.config.start_deviation, optional=True)
+            take = partial(self._take, "start_deviation")
+            self._add_number("held", _HELD, hint, lambda s: s.config.start_deviation, take, optional=True)
         hint = "Use this fit's or file's body shape, for whole fits and for fitting the shape again"
         self._add_source("shape", "Same person as", hint, "nobody: estimate from the clip", file=True)
         hint = "On the computer that runs tcfit: a project, a result's folder, or an npz or JSON file with betas"
         path = self._gui.add_text(_PATH, "", hint=hint, visible=False)
-        read: Callable[[FitSettings], str] = lambda s: s.given.shape.path if s.given.shape else ""  # noqa: E731
         with self.shown(lambda: (shape := self._tab.state.settings.given.shape) is not None and shape.run is None):
-            self._add("shape", path, self._take_path, read, kind=Field)
+            self._add("shape", Field, path, lambda s: s.given.shape.path if s.given.shape else "", self._take_path)
 
     def add_source(self) -> None:
         """All settings as editable text."""
@@ -246,14 +238,7 @@ class FitInputs:
         return Number(label=shown.label, low=known.low, high=shown.most, whole=whole)
 
     def _add_number(
-        self,
-        name: str,
-        number: Number,
-        hint: str,
-        take: Callable[[Any], None],
-        read: Callable[[FitSettings], float | None],
-        *,
-        optional: bool = False,
+        self, name: str, number: Number, hint: str, read: _Read, take: _Take, *, optional: bool = False
     ) -> None:
         def shown(now: FitSettings) -> str:
             return "" if (value := read(now)) is None else number.shown(value)
@@ -261,34 +246,16 @@ class FitInputs:
         def typed(given: str) -> None:
             take(None if optional and not given.strip() else number.read(given))
 
-        handle = self._gui.add_text(
-            number.label, shown(self._tab.state.settings), hint=f"{hint}. {number.range.capitalize()}."
-        )
-        self._add(name, handle, typed, shown, kind=NumberField)
+        hint = f"{hint}. {number.range.capitalize()}."
+        handle = self._gui.add_text(number.label, shown(self._tab.state.settings), hint=hint)
+        self._add(name, NumberField, handle, shown, typed)
 
-    def _add_dropdown(
-        self,
-        name: str,
-        label: str,
-        values: Iterable[str],
-        hint: str,
-        take: Callable[[str], None],
-        read: Callable[[FitSettings], str],
-        options: Callable[[], Sequence[str]] | None = None,
-    ) -> None:
+    def _add_dropdown(self, name: str, label: str, hint: str, read: _Read, take: _Take, options: _Options) -> None:
         now = read(self._tab.state.settings)
-        handle = self._gui.add_dropdown(label, tuple(values), initial_value=now, hint=hint)
-        self._add(name, handle, take, read, kind=partial(Dropdown, options=options))
+        handle = self._gui.add_dropdown(label, options(), initial_value=now, hint=hint)
+        self._add(name, partial(Dropdown, options=options), handle, read, take)
 
-    def _add(
-        self,
-        name: str,
-        handle: Any,
-        take: Callable[[Any], None],
-        read: Callable[[FitSettings], Any],
-        *,
-        kind: Callable[..., Field[Any]],
-    ) -> None:
+    def _add(self, name: str, kind: Callable[..., Field[Any]], handle: Any, read: _Read, take: _Take) -> None:
         tab, when = self._tab, self._when
 
         def shown() -> Any:
@@ -332,7 +299,7 @@ class FitInputs:
         def options() -> Sequence[str]:
             return tuple(dict.fromkeys((*runs(), *also, read(tab.state.settings))))
 
-        self._add_dropdown(name, label, options(), hint, take, read, options)
+        self._add_dropdown(name, label, hint, read, take, options)
 
     # --- what is entered ---
 
@@ -358,12 +325,9 @@ class FitInputs:
         self._set(preset=name, config=self._tab.session.preset(name), problems=())
 
     def _take(self, name: str, value: Any) -> None:
-        value = _CHOICES.get(value, value)
+        value = "none" if value is None else _CHOICES.get(value, value)
         value = self._prior(value) if name == "pose_prior" else value
         self._set(config=changed(self._tab.state.settings.config, {name: value}, origin=ORIGIN))
-
-    def _take_held(self, metres: float | None) -> None:
-        self._take("start_deviation", "none" if metres is None else metres)
 
     def _take_path(self, typed: str) -> None:
         path = self._tab.files.path(typed)
