@@ -11,31 +11,15 @@ from tcfit_app.analysis.body_regions import REGIONS, full_name
 from tcfit_app.project.edits.edit_log import MarkFrames, MarkState, Said, WriteNote, WriteNotes
 from tcfit_app.project.edits.kinds import (
     AddView,
-    ClearDepth,
-    CopyFrom,
     DetectAgain,
-    Edit,
     EditView,
-    Interpolate,
     Keep,
-    Lock,
-    MarkBad,
+    KeyEdit,
     MoveKey,
-    MoveKeypoint,
-    Nudge,
-    Pin,
-    PlaceKey,
-    Release,
-    RemoveKey,
     RemoveView,
-    Reset,
-    Restore,
-    SetConfidence,
     SetDepth,
     ShapeHand,
-    SwapSides,
     TakeOver,
-    Unlock,
 )
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.clip_review import BROWSER
@@ -46,35 +30,29 @@ FEW = 3
 SHORT_TEXT = 40
 """Characters of a note shown in the history."""
 
-VERBS: dict[type[Edit], str] = {
-    MoveKeypoint: "moved",
-    Nudge: "nudged",
-    PlaceKey: "moved",
-    RemoveKey: "keyframe deleted",
-    MoveKey: "keyframe moved",
-    MarkBad: "marked bad",
-    Restore: "restored",
-    SwapSides: "left and right swapped:",
-    CopyFrom: "copied",
-    Interpolate: "interpolated",
-    Reset: "reset to the detection",
-    SetConfidence: "confidence set",
-    SetDepth: "set in depth",
-    ClearDepth: "depth cleared",
-    Pin: "pinned in space",
-    Keep: "kept as an offset",
-    Release: "offset removed",
-    Lock: "rotation locked",
-    Unlock: "unlocked",
-    ShapeHand: "given the shape",
-    TakeOver: "exchanged with",
-    DetectAgain: "detected again",
-    AddView: "added as another view",
-    RemoveView: "another view removed",
-    EditView: "in another view:",
+VERBS = {
+    "move": "moved",
+    "nudge": "nudged",
+    "key": "moved",
+    "remove_key": "keyframe deleted",
+    "move_key": "keyframe moved",
+    "mark_bad": "marked bad",
+    "restore": "restored",
+    "swap_sides": "left and right swapped:",
+    "copy": "copied",
+    "interpolate": "interpolated",
+    "reset": "reset to the detection",
+    "set_confidence": "confidence set",
+    "clear_depth": "depth cleared",
+    "pin": "pinned in space",
+    "keep": "kept as an offset",
+    "release": "offset removed",
+    "lock": "rotation locked",
+    "unlock": "unlocked",
+    "take_over": "exchanged with",
+    "detect_again": "detected again",
 }
-
-
+"""By `kind` of an edit, for those that `describe` does not put differently."""
 MARKS: dict[MarkState | None, str] = {
     "checked": "marked as looking fine",
     "flag": "flagged",
@@ -95,20 +73,20 @@ def describe(edit: Said, first_frame: int = 0) -> str:
     if isinstance(edit, ShapeHand):
         return _shape_in_words(edit, first_frame)
     if isinstance(edit, AddView):
-        return f"{shortened(edit.name)} {VERBS[AddView]}"
+        return f"{shortened(edit.name)} added as another view"
     if isinstance(edit, RemoveView):
-        return VERBS[RemoveView]
+        return "another view removed"
     if isinstance(edit, EditView):
-        return f"{VERBS[EditView]} {describe(msgspec.structs.replace(edit.edit, frames=edit.frames), first_frame)}"
+        return f"in another view: {describe(msgspec.structs.replace(edit.edit, frames=edit.frames), first_frame)}"
     what = part_name(edit.part) if isinstance(edit, DetectAgain) else keypoints_in_words(edit.joints)
-    verb = _in_depth(edit) if isinstance(edit, SetDepth) else VERBS[type(edit)]
+    verb = _in_depth(edit) if isinstance(edit, SetDepth) else VERBS[edit.kind]
     if isinstance(edit, Keep):
         parts = ("depth", "place"), ([one.depths for one in edit.kept], [one.shifts for one in edit.kept])
         what = f"{what} {' and '.join(name for name, stated in zip(*parts, strict=True) if any(stated))}"
         verb = f"of {in_words(edit.at, first_frame)} {verb}"
     if isinstance(edit, MoveKey):
         verb = f"{verb} to frame {edit.to + first_frame}"
-    if isinstance(edit, PlaceKey | RemoveKey | MoveKey):
+    if isinstance(edit, KeyEdit):
         follow = [frame for frame in edit.frames if frame != edit.at]
         others = f"; {in_words(follow, first_frame)} follow" if follow else ""
         return f"{what} {verb}, {in_words((edit.at,), first_frame)}{others}"
@@ -171,7 +149,7 @@ def _shape_in_words(edit: ShapeHand, first_frame: int) -> str:
     if edit.shape is None:
         return f"{hand} hand's shape removed, {in_words(edit.frames, first_frame)}"
     lead = f", blended over {' and '.join(map(str, edit.blend))} frames" if any(edit.blend) else ""
-    return f"{hand} hand {VERBS[ShapeHand]} {shortened(edit.name)}, {in_words(edit.whole, first_frame)}{lead}"
+    return f"{hand} hand given the shape {shortened(edit.name)}, {in_words(edit.whole, first_frame)}{lead}"
 
 
 def _in_depth(edit: SetDepth) -> str:
