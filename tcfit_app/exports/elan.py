@@ -14,7 +14,7 @@ from tcfit_app.analysis.hand_tiers import annotations, hand_tiers
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.imports.elan import FLAGS, NOTES, REVIEW
-from tcfit_app.project.edits.edit_log import Note
+from tcfit_app.project.edits.remarks import Note
 from tcfit_app.project.project import Project
 
 _HANDSHAPES = "handshapes.toml"

@@ -11,7 +11,7 @@ from fitting_core.io.annotations.annotations import Tier
 from fitting_core.io.annotations.eaf import read_eaf
 from fitting_core.io.annotations.frame_times import frames_of
 from tcfit_app.analysis.hand_tiers import names_of
-from tcfit_app.project.edits.edit_log import NOTE_CHARACTERS, Note, NoteText, WriteNotes
+from tcfit_app.project.edits.remarks import NOTE_CHARACTERS, Note, NoteText, WriteNotes
 from tcfit_app.project.project import Project
 
 NOTES, FLAGS, REVIEW = "Notes", "Flags", "Review"

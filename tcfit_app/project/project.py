@@ -51,9 +51,7 @@ from tcfit_app.project.edits.edit_log import (
     LogAction,
     LogEntry,
     Marking,
-    Note,
     Redo,
-    Remark,
     Said,
     Undo,
     decode,
@@ -61,6 +59,7 @@ from tcfit_app.project.edits.edit_log import (
     frames_changed,
 )
 from tcfit_app.project.edits.kinds import AddView, EditView, KeypointEdit, RemoveView, check
+from tcfit_app.project.edits.remarks import Note, Remark
 from tcfit_app.project.edits.standing import Standing
 from tcfit_app.project.other_view import ProjectView
 from tcfit_app.project.storage import database, media

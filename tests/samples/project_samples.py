@@ -23,7 +23,6 @@ from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.results.provenance import Provenance
 from tcfit_app.project.edits.edit_log import EditHistory, LogEntry
 from tcfit_app.project.edits.kinds import (
-    MAX_DEPTH,
     SWAPPABLE,
     ClearDepth,
     CopyFrom,
@@ -50,6 +49,7 @@ from tcfit_app.project.edits.kinds import (
     Unlock,
 )
 from tcfit_app.project.edits.packed_points import packed
+from tcfit_app.project.edits.space_edits import MAX_DEPTH
 from tcfit_app.project.storage.run_record import BodyRecord
 
 FRAMES = 6

@@ -16,7 +16,11 @@ _Pixels = Annotated[float, msgspec.Meta(ge=-MAX_POSITION, le=MAX_POSITION)]
 Point = tuple[_Pixels, _Pixels]
 
 
-class EditBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", gc=False):
+class Action(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind"):
+    """One line of the log."""
+
+
+class EditBase(Action, frozen=True, gc=False):
     """What every edit is; the module of its kind says what it does."""
 
     frames: tuple[int, ...]

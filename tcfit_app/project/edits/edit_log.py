@@ -13,7 +13,7 @@ The log belongs to the project, not to a browser: two people working on one proj
 """
 
 import itertools
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -23,6 +23,7 @@ import msgspec
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import KeptOffset, Keypoints
+from tcfit_app.project.edits.base import Action
 from tcfit_app.project.edits.corrected import Corrected, read_only
 from tcfit_app.project.edits.kinds import (
     AddView,
@@ -38,6 +39,7 @@ from tcfit_app.project.edits.kinds import (
     clip_has,
 )
 from tcfit_app.project.edits.other_views import StandingView, standing_views
+from tcfit_app.project.edits.remarks import NOTE_CHARACTERS, MarkFrames, Note, Remark, WriteNote, WriteNotes, note_id
 from tcfit_app.project.edits.standing import Standing
 
 _MEMORY = 256 * 2**20
@@ -46,83 +48,20 @@ _UNDOABLE = 1000
 """How many of the edits replayed can be undone without replaying all again: keeping more would slow down long logs."""
 
 
-MarkState = Literal["checked", "flag"]
-"""Looks fine; or needs attention."""
-
-
-class MarkFrames(
-    msgspec.Struct,
-    frozen=True,
-    kw_only=True,
-    forbid_unknown_fields=True,
-    omit_defaults=True,
-    tag_field="kind",
-    tag="mark",
-):
-    """Marks frames, or limbs in frames, as fine or as needing attention."""
-
-    frames: tuple[int, ...]
-    """From the clip's first (0)."""
-    state: MarkState | None
-    """None removes the mark."""
-    moment: int
-    """The largest `Run.moment` at the time, 0 without any."""
-    limbs: tuple[tuple[str, ...], ...] = ()
-    """For each frame the limbs that alone it is about; empty: the frames as a whole."""
-
-
-NOTE_CHARACTERS = 2000
-
-
-class WriteNote(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="note"):
-    """Writes a note on frames, changes its text, or deletes it."""
-
-    frames: tuple[int, ...]
-    """Consecutive, from the clip's first (0)."""
-    text: str
-    """Its text; empty deletes it."""
-    replaces: int | None = None
-    """The `Note.id` of the note it replaces."""
-
-
-class NoteText(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One of several notes written together."""
-
-    first: int
-    """The first of its frames, from the clip's first (0)."""
-    last: int
-    text: str
-    replaces: int | None = None
-    """As in WriteNote."""
-
-
-class WriteNotes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="notes"):
-    """Notes added together, as from a file: one undo removes all."""
-
-    notes: tuple[NoteText, ...]
-
-    @property
-    def frames(self) -> tuple[int, ...]:
-        """All their frames."""
-        return tuple(sorted({frame for note in self.notes for frame in range(note.first, note.last + 1)}))
-
-
-class Undo(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="undo"):
+class Undo(Action, frozen=True, tag="undo"):
     """Undoes an edit or a remark."""
 
     edit: int
     """Its id."""
 
 
-class Redo(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="redo"):
+class Redo(Action, frozen=True, tag="redo"):
     """Redoes an edit or a remark."""
 
     edit: int
     """Its id."""
 
 
-Remark = MarkFrames | WriteNote | WriteNotes
-"""Statements about frames; keypoints are unchanged."""
 Said = Edit | Remark
 """Everything that can be undone."""
 LogAction = Said | Undo | Redo
@@ -139,18 +78,6 @@ class LogEntry:
     author: str
     """Who did it, by the name that the app gives authors."""
     action: LogAction
-
-
-@dataclass(frozen=True, kw_only=True)
-class Note:
-    """A note on frames."""
-
-    id: int
-    """Derived from the log entry that first wrote it (`note_id`): unchanged when the text changes."""
-    frames: range
-    text: str
-    time: datetime
-    author: str
 
 
 def frames_changed(
@@ -225,12 +152,8 @@ class EditHistory:
         self._detections = self._now = Corrected.none(detections)
         self._done: list[LogEntry] = []
         self._undone: list[LogEntry] = []
-        self._written: list[LogEntry] = []
-        """Those of _done that are notes."""
-        self._keeping: list[LogEntry] = []
-        """Those that keep offsets, or remove them."""
-        self._viewing: list[LogEntry] = []
-        """Those of other views."""
+        self._by_kind: defaultdict[type[Said], list[LogEntry]] = defaultdict(list)
+        """Those of _done."""
         self._views: tuple[StandingView, ...] = ()
         self.standing: Standing[Said] = Standing()
         """What stood after each entry."""
@@ -269,14 +192,15 @@ class EditHistory:
     @property
     def marks(self) -> list[LogEntry]:
         """The marks done, in order."""
-        return [entry for entry in self._done if isinstance(entry.action, MarkFrames)]
+        return self._done_of(MarkFrames)
 
     @property
     def notes(self) -> tuple[Note, ...]:
         """The current notes, in order of frames."""
         found: dict[int, Note] = {}
-        for entry in self._written:
-            for place, (frames, text, replaces) in enumerate(_texts(entry.action)):
+        for entry in self._done_of(WriteNote, WriteNotes):
+            assert isinstance(entry.action, WriteNote | WriteNotes)
+            for place, (frames, text, replaces) in enumerate(entry.action.texts):
                 number = note_id(entry.id, place) if replaces is None else replaces
                 found.pop(number, None)
                 if text:
@@ -286,13 +210,13 @@ class EditHistory:
     @property
     def exchanges(self) -> list[LogEntry]:
         """Keypoints taken over from others, in order."""
-        return [entry for entry in self._done if isinstance(entry.action, TakeOver)]
+        return self._done_of(TakeOver)
 
     @property
     def kept(self) -> tuple[KeptOffset, ...]:
         """The current offsets, in the order in which they were kept."""
         found: list[KeptOffset] = []
-        for entry in self._keeping:
+        for entry in self._done_of(Keep, Release):
             if isinstance(edit := entry.action, Keep):
                 found += edit.kept
             elif isinstance(edit, Release):
@@ -303,9 +227,13 @@ class EditHistory:
     @property
     def views(self) -> tuple[StandingView, ...]:
         """The other views, in the order in which they were added; the same objects unless they have changed."""
-        edits = [(entry.id, entry.action) for entry in self._viewing if isinstance(entry.action, OfViews)]
-        self._views = standing_views(edits, self._views)
+        self._views = standing_views(self._view_edits, self._views)
         return self._views
+
+    @property
+    def _view_edits(self) -> list[tuple[int, OfViews]]:
+        done = self._done_of(*get_args(OfViews))
+        return [(entry.id, entry.action) for entry in done if isinstance(entry.action, OfViews)]
 
     @property
     def detected(self) -> Corrected:
@@ -355,9 +283,8 @@ class EditHistory:
             )
 
     def _check_view(self, edit: RemoveView | EditView) -> None:
-        actions = [(entry.id, entry.action) for entry in self._viewing]
-        removed = {action.view for _, action in actions if isinstance(action, RemoveView)}
-        added = {number: action for number, action in actions if isinstance(action, AddView)}
+        removed = {action.view for _, action in self._view_edits if isinstance(action, RemoveView)}
+        added = {number: action for number, action in self._view_edits if isinstance(action, AddView)}
         if edit.view not in added.keys() - removed:
             raise InputError("This other view is no longer there: someone has removed it.")
         if isinstance(edit, EditView):
@@ -371,9 +298,9 @@ class EditHistory:
 
     def _check_notes(self, written: WriteNote | WriteNotes) -> None:
         there = {known.id for known in self.notes}
-        if not (notes := _texts(written)):
+        if not written.texts:
             raise InputError("There are no notes to save.")
-        for frames, text, replaces in notes:
+        for frames, text, replaces in written.texts:
             self._check_frames((*frames[:1], *frames[-1:]))
             if not frames or (isinstance(written, WriteNote) and tuple(frames) != written.frames):
                 raise InputError("A note must be on one frame or on consecutive frames.")
@@ -402,8 +329,7 @@ class EditHistory:
             self.standing.undo(entry.id)
             self._undone.append(self._done.pop())
             said = _said(self._undone[-1])
-            if (listed := self._listed(said)) is not None:
-                listed.pop()
+            self._by_kind[type(said)].pop()
             return said
         if isinstance(entry.action, Redo):
             self.standing.redo(entry.id, entry.action.edit)
@@ -413,17 +339,12 @@ class EditHistory:
             self._undone.clear()
             self._done.append(entry)
         said = _said(self._done[-1])
-        if (listed := self._listed(said)) is not None:
-            listed.append(self._done[-1])
+        self._by_kind[type(said)].append(self._done[-1])
         return said
 
-    def _listed(self, said: Said) -> list[LogEntry] | None:
-        """The list of those of its kind that are done, if there is one."""
-        if isinstance(said, WriteNote | WriteNotes):
-            return self._written
-        if isinstance(said, Keep | Release):
-            return self._keeping
-        return self._viewing if isinstance(said, OfViews) else None
+    def _done_of(self, *kinds: type[Said]) -> list[LogEntry]:
+        """Those done of some kinds, in order."""
+        return sorted((entry for kind in kinds for entry in self._by_kind[kind]), key=lambda entry: entry.id)
 
     def _make(self, edit: Edit) -> None:
         before = self._now.at(edit.frames, edit.joints)
@@ -467,20 +388,6 @@ class EditHistory:
                 self._detections.put(edit.frames, edit.joints, detected)
             return
         self._make_all()
-
-
-def note_id(entry: int, place: int) -> int:
-    """The id of a note: its log entry's, combined with the index in the entry for all but the first."""
-    return entry + (place << 32)
-
-
-def _texts(action: LogAction) -> list[tuple[range, str, int | None]]:
-    """The frames and text of each note, and the note it replaces."""
-    if isinstance(action, WriteNote):
-        first, last = (action.frames[0], action.frames[-1]) if action.frames else (0, -1)
-        return [(range(first, last + 1), action.text, action.replaces)]
-    assert isinstance(action, WriteNotes)
-    return [(range(note.first, note.last + 1), note.text, note.replaces) for note in action.notes]
 
 
 def _said(entry: LogEntry) -> Said:

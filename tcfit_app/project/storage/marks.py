@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import get_args
 
-from tcfit_app.project.edits.edit_log import LogEntry, MarkFrames, MarkState
+from tcfit_app.project.edits.edit_log import LogEntry
+from tcfit_app.project.edits.remarks import MarkFrames, MarkState
 from tcfit_app.project.storage.columns import Columns, Count, of, text, time
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.run_record import LAST_MOMENT

@@ -10,7 +10,7 @@ from fitting_core.results.provenance import Provenance
 from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.analysis.suspicion import Suspect
 from tcfit_app.fitting.reports import RunningJob
-from tcfit_app.project.edits.edit_log import Note
+from tcfit_app.project.edits.remarks import Note
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.page_states import FitSpan, spans
 from tcfit_app.review.drawing.rows import CHOICES, Rows, with_plot

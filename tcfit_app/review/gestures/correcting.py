@@ -16,9 +16,8 @@ from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.live import Target
 from tcfit_app.fitting.worker import LiveDrag
 from tcfit_app.project.edits.corrected import Corrected
-from tcfit_app.project.edits.edit_log import LogEntry, Redo, Remark, Undo
+from tcfit_app.project.edits.edit_log import LogEntry, Redo, Undo
 from tcfit_app.project.edits.kinds import (
-    MAX_DEPTH,
     SWAPPABLE,
     CopyFrom,
     Edit,
@@ -32,6 +31,8 @@ from tcfit_app.project.edits.kinds import (
     Restore,
     SwapSides,
 )
+from tcfit_app.project.edits.remarks import Remark
+from tcfit_app.project.edits.space_edits import MAX_DEPTH
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.other_view import ProjectView
 from tcfit_app.project.project import Project

@@ -18,7 +18,7 @@ from fitting_core.errors import InputError
 from fitting_core.fit.evidence.sides import unswapped_keypoint
 from fitting_core.keypoints import BODY, INDEX, LOCKABLE, KeptOffset, Keypoints
 from tcfit_app.project.edits.corrected import Corrected
-from tcfit_app.project.edits.kinds import ClearDepth, Keep, Lock, Pin, Release, Unlock
+from tcfit_app.project.edits.space_edits import ClearDepth, Keep, Lock, Pin, Release, Unlock
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.correcting import Correcting, across_sides, swapped_sides
 from tcfit_app.review.gestures.keyframing import depth_edit

@@ -8,7 +8,7 @@ import numpy as np
 
 from fitting_core.keypoints import FINGER_JOINTS, PartOfPerson
 from tcfit_app.analysis.body_regions import REGIONS, full_name
-from tcfit_app.project.edits.edit_log import MarkFrames, MarkState, Said, WriteNote, WriteNotes
+from tcfit_app.project.edits.edit_log import Said
 from tcfit_app.project.edits.kinds import (
     AddView,
     DetectAgain,
@@ -21,6 +21,7 @@ from tcfit_app.project.edits.kinds import (
     ShapeHand,
     TakeOver,
 )
+from tcfit_app.project.edits.remarks import MarkFrames, MarkState, WriteNote, WriteNotes
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.clip_review import BROWSER
 from tcfit_app.review.gestures.keyframing import HANDS_OF

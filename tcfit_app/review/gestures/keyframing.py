@@ -10,7 +10,8 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX, LEFT_HAND, RIGHT_HAND
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.keyframes import LONGEST_GAP, joined
-from tcfit_app.project.edits.kinds import MAX_DEPTH, MoveKey, MoveKeypoint, PlaceKey, RemoveKey, SetDepth
+from tcfit_app.project.edits.kinds import MoveKey, MoveKeypoint, PlaceKey, RemoveKey
+from tcfit_app.project.edits.space_edits import MAX_DEPTH, SetDepth
 
 HANDS_OF = {INDEX["left_wrist"]: LEFT_HAND, INDEX["right_wrist"]: RIGHT_HAND}
 """By wrist among the body's keypoints, the hand that follows it; the hand's first keypoint is the same wrist."""

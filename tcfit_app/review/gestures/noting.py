@@ -2,7 +2,7 @@
 
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice
-from tcfit_app.project.edits.edit_log import Note
+from tcfit_app.project.edits.remarks import Note
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import CopyLink
 from tcfit_app.review.tab.tab import Tab

@@ -7,7 +7,7 @@ from typing import Literal
 from fitting_core.errors import InputError
 from tcfit_app.analysis.findings import FINDINGS, WHOLE
 from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
-from tcfit_app.project.edits.edit_log import MarkState
+from tcfit_app.project.edits.remarks import MarkState
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import Leave
 from tcfit_app.review.gestures.edit_words import capitalized

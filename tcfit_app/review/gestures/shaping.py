@@ -18,7 +18,7 @@ from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import regular_file
 from fitting_core.keypoints import FINGER_JOINTS, INDEX, LEFT_HAND, RIGHT_HAND, Side
 from tcfit_app.fitting.fits import Shown
-from tcfit_app.project.edits.kinds import Shape, ShapeHand
+from tcfit_app.project.edits.space_edits import Shape, ShapeHand
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.correcting import Correcting, across_sides
 from tcfit_app.review.tab.tab import Tab

@@ -10,7 +10,7 @@ from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.keypoints import LOCKABLE
 from tcfit_app.fitting.fits import Shown
-from tcfit_app.project.edits.kinds import Lock
+from tcfit_app.project.edits.space_edits import Lock
 from tcfit_app.review.gestures.correcting import Correcting
 from tcfit_app.review.scene.space import Quaternion, Rings, TurnPhase
 from tcfit_app.review.tab.on_show import OnShow

@@ -7,7 +7,7 @@ from pathlib import Path
 import viser
 
 from tcfit_app.imports.elan import ElanNotes
-from tcfit_app.project.edits.edit_log import NOTE_CHARACTERS, Note, WriteNotes
+from tcfit_app.project.edits.remarks import NOTE_CHARACTERS, Note, WriteNotes
 from tcfit_app.project.frame_words import in_words, numbers
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.gestures.noting import FIELD, FOLD

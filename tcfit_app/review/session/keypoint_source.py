@@ -11,7 +11,7 @@ from fitting_core.lens import straightened_keypoints
 from tcfit_app.fitting.jobs import Fresh
 from tcfit_app.imports.found_people import FoundPeople
 from tcfit_app.imports.keypoint_jobs import Detect, FoundKeypoints, KeypointJob
-from tcfit_app.project.edits.edit_log import Remark
+from tcfit_app.project.edits.remarks import Remark
 from tcfit_app.project.project import Project
 from tcfit_app.review.session.tasks import Step, Task, Tasks
 

@@ -33,8 +33,9 @@ from tcfit_app.imports.elan import ElanNotes, notes_of
 from tcfit_app.imports.given import NOTHING, KnownInputs, read_given
 from tcfit_app.imports.results import ImportChoices, import_run
 from tcfit_app.imports.uploads import kept_as, upload
-from tcfit_app.project.edits.edit_log import LogEntry, Remark, WriteNote, WriteNotes
+from tcfit_app.project.edits.edit_log import LogEntry
 from tcfit_app.project.edits.kinds import Edit, MoveKeypoint, PlaceKey, SetDepth
+from tcfit_app.project.edits.remarks import Remark, WriteNote, WriteNotes
 from tcfit_app.project.other_view import ProjectView
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.names import name_of_file

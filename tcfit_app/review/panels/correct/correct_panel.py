@@ -7,8 +7,9 @@ import viser
 
 from fitting_core.keypoints import COUNT, PARTS
 from tcfit_app.analysis.body_regions import full_name
-from tcfit_app.project.edits.edit_log import LogEntry, Redo, Remark, Said, Undo
+from tcfit_app.project.edits.edit_log import LogEntry, Redo, Said, Undo
 from tcfit_app.project.edits.kinds import SWAPPABLE
+from tcfit_app.project.edits.remarks import Remark
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.actions import Gestures, refusal
 from tcfit_app.review.gestures.correcting_depth import limbs_of
