@@ -112,7 +112,6 @@ export function onRightClick(over, show) {
 function lineOf(item) {
   const { label, keys = "", obstacle, checked, chosen, more } = item;
   const line = element("button", "");
-  line.type = "button";
   line.tabIndex = -1;
   const on = checked ?? chosen;
   const kind = checked !== undefined ? "checkbox" : "radio";

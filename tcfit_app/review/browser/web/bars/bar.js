@@ -46,11 +46,9 @@ field.addEventListener("keydown", (event) => {
 
 /** Opens the menu of frames. */
 export const chip = element("button", "");
-chip.type = "button";
 chip.setAttribute("aria-haspopup", "menu");
 const [word, chosen] = [element("span", "tcfit-word", chip), element("span", "", chip)];
 const cross = element("button", "", null, "×");
-cross.type = "button";
 cross.title = "Clear frame selection";
 cross.setAttribute("aria-label", cross.title);
 cross.addEventListener("click", clearRange);

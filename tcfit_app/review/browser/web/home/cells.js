@@ -103,7 +103,6 @@ function reviewer(cell, row) {
 function note(cell, row) {
   if (row.kind !== "project") return;
   const button = element("button", `plain two${row.note ? "" : " empty"}`, element("div", "", cell), row.note || "Add a note");
-  button.type = "button";
   button.dataset.act = "note";
   button.setAttribute("aria-label", row.note ? `Note on ${row.name}: ${row.note}` : `Add a note on ${row.name}`);
 }

@@ -38,7 +38,6 @@ export class ExportWindow {
     element("p", "dim", form, "Into NAME.exports beside each project. Files of the same names are replaced.");
     const ends = element("div", "buttons tcfit-panel", form);
     const no = element("button", "", ends, "Cancel");
-    no.type = "button";
     no.onclick = () => this.box.close();
     const yes = element("button", "tcfit-main", ends, "Export");
     yes.type = "submit";

@@ -48,7 +48,6 @@ search.value = kept.text;
 /** @param {string} label @param {string} key @param {string} hint @param {() => void} run @param {string} [kind] */
 function action(label, key, hint, run, kind = "") {
   const button = element("button", kind, header, label);
-  button.type = "button";
   button.title = hint;
   element("kbd", "", button, key);
   button.onclick = run;
@@ -81,7 +80,6 @@ const alert = element("div", "alert tcfit-panel", document.body);
 alert.setAttribute("role", "alert");
 const alertText = element("div", "", alert);
 const alertEnd = element("button", "", alert, "Close");
-alertEnd.type = "button";
 alertEnd.onclick = () => void (alert.hidden = true);
 alert.hidden = true;
 
@@ -172,7 +170,6 @@ function drawFilters(found) {
   if (filters.childElementCount !== parts.length)
     filters.replaceChildren(...parts.map(({ state, label }) => {
       const button = element("button", "", null, label);
-      button.type = "button";
       element("b", "", button);
       button.onclick = () => {
         kept.state = state;
@@ -293,7 +290,6 @@ function askNote(row) {
   form.append(noteAlert);
   const ends = element("div", "buttons tcfit-panel", form);
   const no = element("button", "", ends, "Cancel");
-  no.type = "button";
   no.onclick = () => noteWindow.close();
   element("button", "tcfit-main", ends, "Save").type = "submit";
   form.onsubmit = (event) => {

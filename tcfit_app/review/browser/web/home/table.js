@@ -45,7 +45,6 @@ export class Table {
     return COLUMNS.map(({ title, name }) => {
       const head = element("th", name, line);
       const button = element("button", "", head, title);
-      button.type = "button";
       button.onclick = () => this.calls.sort(name);
       return head;
     });

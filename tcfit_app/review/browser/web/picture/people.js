@@ -25,7 +25,6 @@ const others = () => states.other_people?.people ?? [];
 /** @param {OtherPerson} person */
 function nameOf({ name, hint, number }) {
   const made = element("button", "tcfit-person", layer, name);
-  made.type = "button";
   made.title = hint;
   made.addEventListener("click", () => emit({ type: "go_to_person", person: number }));
   return made;

@@ -12,7 +12,6 @@ const [NUMBERS, PARTS] = [46, 72]; // CSS pixels beside a title for the numbers 
 
 const titles = element("div", "", strip);
 const chooser = element("button", "");
-chooser.type = "button";
 chooser.title = "Choose the curves";
 chooser.setAttribute("aria-haspopup", "menu");
 chooser.addEventListener("click", () => openMenuAt("Curves", choices(), chooser));
@@ -51,7 +50,6 @@ function drawTitles() {
     if (index) element("span", "", box, text).title = title;
     else box.append(chooser);
     const close = element("button", "", box, "×");
-    close.type = "button";
     close.title = close.ariaLabel = `Close ${title}`;
     close.addEventListener("click", () => plot(name, false));
     if (!index) chooser.textContent = `${text} ▾`;
