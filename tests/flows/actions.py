@@ -18,6 +18,7 @@ from tcfit_app.analysis import suspicion
 from tcfit_app.fitting import jobs, live
 from tcfit_app.imports.results import ImportChoices
 from tcfit_app.project.edits.kinds import Edit, MarkBad
+from tcfit_app.project.edits.remarks import WriteNote
 from tcfit_app.project.storage import changes, run_files, runs
 from tcfit_app.review.browser import page_events
 from tcfit_app.review.gestures.actions import ACTIONS
@@ -213,7 +214,7 @@ def note(act: Act) -> None:
     """Something said of frames or the clip."""
     page, session = act.world.page(act.tab), act.world.session
     frame, text = act.frame(), f"note {act.rng.integers(100)}"
-    act.do(lambda: session.write_note([frame], text, author=page.tab.author))
+    act.do(lambda: session.project.append(WriteNote(frames=(frame,), text=text), author=page.tab.author))
 
 
 def switch(act: Act) -> None:

@@ -2,7 +2,7 @@
 
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice
-from tcfit_app.project.edits.remarks import Note
+from tcfit_app.project.edits.remarks import Note, WriteNote
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import CopyLink
 from tcfit_app.review.tab.tab import Tab
@@ -35,8 +35,7 @@ class Noting:
         if not text.strip():
             raise InputError("The note is empty. Type what it says first.")
         frames = tab.frames_to_change if changed is None else changed.frames
-        replaces = None if changed is None else changed.id
-        tab.session.write_note(frames, text, author=tab.author, replaces=replaces)
+        self._save(WriteNote(frames=tuple(frames), text=text.strip(), replaces=changed and changed.id))
         self.changing = None
         tab.say(f"Note {'written' if changed is None else 'changed'}: {in_words(frames, tab.first_frame)}")
 
@@ -44,8 +43,11 @@ class Noting:
         """Delete a note; undo restores it. Raises InputError as the log does."""
         tab = self._tab
         tab.refuse_read_only()
-        tab.session.write_note(note.frames, "", author=tab.author, replaces=note.id)
+        self._save(WriteNote(frames=tuple(note.frames), text="", replaces=note.id))
         tab.say(f"Note deleted: {in_words(note.frames, tab.first_frame)}")
+
+    def _save(self, note: WriteNote) -> None:
+        self._tab.session.project.append(note, author=self._tab.author)
 
     def go(self, note: Note) -> None:
         """Go to the note's first frame, and select its frames if there are several."""

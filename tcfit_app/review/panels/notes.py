@@ -6,9 +6,11 @@ from pathlib import Path
 
 import viser
 
-from tcfit_app.imports.elan import ElanNotes
+from tcfit_app.imports.elan import ElanNotes, notes_of
+from tcfit_app.imports.uploads import kept_as
 from tcfit_app.project.edits.remarks import NOTE_CHARACTERS, Note, WriteNotes
 from tcfit_app.project.frame_words import in_words, numbers
+from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.gestures.noting import FIELD, FOLD
 from tcfit_app.review.panels.elements.field import for_writers
@@ -57,11 +59,14 @@ class Notes:
 
     def _read_elan(self, file: Path | viser.UploadedFile) -> None:
         assert isinstance(file, viser.UploadedFile)
-        session = self._tab.session
+        project = self._tab.session.project
         tiers = tuple(name for part in self._elan["Tiers"].split(",") if (name := part.strip()))
-        self._elan.read(
-            "Notes from ELAN", lambda report: session.read_elan(file.name, file.content, tiers), self._keep_elan
-        )
+
+        def read(report: object) -> tuple[WriteNotes | None, ElanNotes]:
+            with kept_as("upload.eaf", file.content, name_of_file(file.name)) as path:
+                return notes_of(path, project, tiers)
+
+        self._elan.read("Notes from ELAN", read, self._keep_elan)
 
     def _keep_elan(self, found: tuple[WriteNotes | None, ElanNotes]) -> None:
         notes, counts = found

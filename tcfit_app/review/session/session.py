@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,16 +29,14 @@ from tcfit_app.fitting.reports import (
     RunningJob,
 )
 from tcfit_app.fitting.worker import LiveDrag, Worker
-from tcfit_app.imports.elan import ElanNotes, notes_of
 from tcfit_app.imports.given import NOTHING, KnownInputs, read_given
 from tcfit_app.imports.results import ImportChoices, import_run
-from tcfit_app.imports.uploads import kept_as, upload
+from tcfit_app.imports.uploads import upload
 from tcfit_app.project.edits.edit_log import LogEntry
 from tcfit_app.project.edits.kinds import Edit, MoveKeypoint, PlaceKey, SetDepth
-from tcfit_app.project.edits.remarks import Remark, WriteNote, WriteNotes
+from tcfit_app.project.edits.remarks import Remark
 from tcfit_app.project.other_view import ProjectView
 from tcfit_app.project.project import Project
-from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.project.storage.run_record import Given, Run, RunKind
 from tcfit_app.review.session.keypoint_source import Going, KeypointSource
 from tcfit_app.review.session.tasks import Step, Tasks
@@ -159,25 +157,6 @@ class Session:
         if entry is not None and not isinstance(entry.action, Remark):
             self.edit_follower.went_back(entry.id, shown)
         return entry
-
-    def write_note(self, frames: Iterable[int], text: str, *, author: str, replaces: int | None = None) -> None:
-        """Save a note on consecutive frames. Raises InputError if the note is invalid, or the project cannot be
-        written.
-
-        Args:
-            frames: which.
-            text: its text; empty deletes the note it replaces.
-            author: who wrote it.
-            replaces: the `Note.id` of the note it replaces.
-        """
-        note = WriteNote(frames=tuple(frames), text=text.strip(), replaces=replaces)
-        self.project.append(note, author=author)
-
-    def read_elan(self, name: str, content: bytes, tiers: tuple[str, ...]) -> tuple[WriteNotes | None, ElanNotes]:
-        """The notes in an uploaded .eaf file. Slow: for `tasks`. Raises InputError as `import_notes`
-        does; nothing is stored then."""
-        with kept_as("upload.eaf", content, name_of_file(name)) as path:
-            return notes_of(path, self.project, tiers)
 
     @property
     def views(self) -> dict[int, ProjectView]:
