@@ -33,15 +33,23 @@ class Metric:
 class ComparedMetric:
     """A figure of two runs."""
 
-    name: str
-    title: str
-    unit: str
+    of: Metric
+    """A's, or B's if A has none."""
     a: float | None
     b: float | None
-    difference: float | None
-    """b - a."""
-    better: Literal["a", "b", ""]
-    """Empty: equally good, unknown, or not comparable."""
+
+    @property
+    def difference(self) -> float | None:
+        """b - a."""
+        return None if self.a is None or self.b is None else self.b - self.a
+
+    @property
+    def better(self) -> Literal["a", "b", ""]:
+        """Empty: equally good, unknown, or not comparable."""
+        a, b = self.a, self.b
+        if not self.of.lower_is_better or a is None or b is None or abs(b - a) <= _AS_GOOD * max(abs(a), abs(b)):
+            return ""
+        return "a" if a < b else "b"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,30 +78,10 @@ def run_metrics(fit: PosedFit, seconds: float) -> tuple[Metric, ...]:
 
 def compare(a: tuple[Metric, ...], b: tuple[Metric, ...]) -> tuple[ComparedMetric, ...]:
     """Two runs' figures, row by row: all of the first one's, then those that only the second one has."""
-    ones, others = {m.name: m for m in a}, {m.name: m for m in b}
-    return tuple(_row(ones.get(name), others.get(name)) for name in dict.fromkeys([*ones, *others]))
-
-
-def _row(a: Metric | None, b: Metric | None) -> ComparedMetric:
-    like = a or b
-    assert like
-    one, other = a.value if a else None, b.value if b else None
-    difference = None if one is None or other is None else other - one
-    return ComparedMetric(
-        name=like.name,
-        title=like.title,
-        unit=like.unit,
-        a=one,
-        b=other,
-        difference=difference,
-        better=_better(one, other) if like.lower_is_better else "",
-    )
-
-
-def _better(a: float | None, b: float | None) -> Literal["a", "b", ""]:
-    if a is None or b is None or abs(b - a) <= _AS_GOOD * max(abs(a), abs(b)):
-        return ""
-    return "a" if a < b else "b"
+    ones, others = {m.name: m.value for m in a}, {m.name: m.value for m in b}
+    of = {m.name: m for m in (*b, *a)}
+    names = dict.fromkeys([*ones, *others])
+    return tuple(ComparedMetric(of=of[name], a=ones.get(name), b=others.get(name)) for name in names)
 
 
 def _error(figure: str) -> Callable[[PosedFit], float | None]:

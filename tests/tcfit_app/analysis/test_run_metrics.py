@@ -109,9 +109,10 @@ def test_two_runs_side_by_side():
     a = (metric("error", 2.0), metric("volume", 2.0, False), metric("one", None, False))
     b = (metric("error", 3.0), metric("volume", 3.0, False), metric("other", 1.0, False))
     rows = compare(a, b)
-    assert rows[0] == ComparedMetric(name="error", title="Error", unit="px", a=2.0, b=3.0, difference=1.0, better="a")
-    assert (rows[1].name, rows[1].difference, rows[1].better) == ("volume", 1.0, "")
-    assert [(r.name, r.a, r.b, r.difference, r.better) for r in rows[2:]] == [
+    assert rows[0] == ComparedMetric(of=a[0], a=2.0, b=3.0)
+    assert [(r.of.name, r.a, r.b, r.difference, r.better) for r in rows] == [
+        ("error", 2.0, 3.0, 1.0, "a"),
+        ("volume", 2.0, 3.0, 1.0, ""),
         ("one", None, None, None, ""),
         ("other", None, 1.0, None, ""),
     ]

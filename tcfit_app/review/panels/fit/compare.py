@@ -120,10 +120,10 @@ def _table(rows: Iterable[ComparedMetric]) -> Html:
 
 
 def _line(figure: ComparedMetric) -> Html:
-    unit = words(f" {figure.unit}", "dim") if figure.unit else Html()
+    unit = words(f" {figure.of.unit}", "dim") if figure.of.unit else Html()
     change = "" if figure.difference is None else _number(figure.difference, sign=True)
     return line(
-        joined(text(figure.title), unit),
+        joined(text(figure.of.title), unit),
         _marked(_number(figure.a), "good" if figure.better == "a" else ""),
         _marked(_number(figure.b), "good" if figure.better == "b" else ""),
         _marked(change, {"a": "bad", "b": "good"}.get(figure.better or "", "")),
