@@ -1,12 +1,14 @@
-"""Readers of motion capture against poses whose geometry is known."""
+"""Readers of motion capture against poses whose geometry is known, and which collections are trained on."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from build_assets.motion_capture.collections import split
 from build_assets.motion_capture.mocap import SourceMotion, read_motions
 from fitting_core.errors import InputError
 from tests.build_assets.captured import (
@@ -94,3 +96,19 @@ def test_a_broken_file_is_named(tmp_path: Path, file: str, content: str):
     (tmp_path / file).write_bytes(content.encode("latin-1"))
     with pytest.raises(InputError, match=Path(file).name):
         list(read_motions(tmp_path))
+
+
+HELD = {"cmu05", "cmu13", "cmu14"}
+
+
+@dataclass
+class Clip:
+    """What `split` looks at."""
+
+    subject: str
+
+
+def test_subjects_are_held_out():
+    seen, held = split([Clip(subject) for subject in ("cmu01", "cmu05", "deepmimic", "cmu13", "cmu14")])  # pyright: ignore[reportArgumentType]
+    assert [clip.subject for clip in seen] == ["cmu01", "deepmimic"]
+    assert {clip.subject for clip in held} == HELD

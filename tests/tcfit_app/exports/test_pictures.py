@@ -1,4 +1,4 @@
-"""Pictures and overlay videos: which fits, which frames, which background."""
+"""Pictures and overlay videos: which fits, which frames, which background, and as which camera sees them."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,7 +12,7 @@ import torch
 
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.keypoints import COUNT, Keypoints
@@ -20,6 +20,8 @@ from fitting_core.render.overlay import ImageOf, Shown
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.exports import pictures
 from tcfit_app.exports.pictures import write_comparison
+from tcfit_app.review.scene.poster import relief
+from tests.samples.posters import pixels_of_world
 
 FRAMES = 20
 """More than are computed together."""
@@ -90,3 +92,18 @@ def test_video_over_a_plain_background(clip: Clip, free_body: BodyModel, tmp_pat
     assert abs(frame[40, 2].mean() - 235) < 12, "grey where the body is not"
     red_over_blue = frame[..., 2] - frame[..., 0]
     assert red_over_blue[:, 68:].max() > 40 and red_over_blue[:, :64].min() < -25, "violet left, orange right"
+
+
+CLIP = Camera(focal=(900.0, 940.0), center=(410.0, 395.0), size=(800, 780))
+OWN = Camera(focal=(1300.0, 1250.0), center=(400.0, 401.0), size=(800, 780))
+BODY = np.random.default_rng(0).uniform((-0.8, -0.9, 2.0), (0.8, 0.9, 4.0), (50, 3))
+
+
+def _pixels(camera: Camera, vertices: np.ndarray) -> np.ndarray:
+    return project(camera, torch.as_tensor(vertices)).numpy()
+
+
+def test_posters_use_the_camera_of_each_body():
+    one, other = relief([BODY, BODY], CLIP, [OWN, None])
+    assert np.allclose(pixels_of_world(one[:, :2], CLIP.size), _pixels(OWN, BODY), atol=1e-3)
+    assert np.allclose(pixels_of_world(other[:, :2], CLIP.size), _pixels(CLIP, BODY), atol=1e-3)

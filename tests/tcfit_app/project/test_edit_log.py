@@ -1,5 +1,9 @@
-"""The log of edits: incremental against from scratch, undo and redo, and detections that nothing changes."""
+"""The log of edits: against working it out from scratch, undo and redo, which edits stood, and which changes count."""
 
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,10 +13,25 @@ from hypothesis import strategies as st
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
+from fitting_core.results.fit_result import FitResult
 from tcfit_app.project.edits import edit_log
 from tcfit_app.project.edits.edit_log import EditHistory, LogAction, LogEntry, Redo, Undo
 from tcfit_app.project.edits.kinds import Edit, MarkBad, MoveKeypoint
-from tests.samples.project_samples import applied, edits, same_keypoints, sample_keypoints
+from tcfit_app.project.edits.standing import Standing
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.changes import Frames
+from tests.samples.project_samples import (
+    BODY,
+    CONFIG,
+    applied,
+    assert_same_fit,
+    edits,
+    random_edit,
+    same_keypoints,
+    sample_clip,
+    sample_fit,
+    sample_keypoints,
+)
 
 NOW: Any = None
 STEPS = st.lists(st.one_of(edits(), st.sampled_from(["undo", "redo"])), max_size=25)
@@ -162,3 +181,136 @@ def test_undo_goes_back_behind_what_opening_has_kept(written: list[int], monkeyp
     for number in range(6, 0, -1):
         history.add(entry(100 - number, Undo(edit=number)))
         assert history.corrected.bad.sum() == number - 1
+
+
+# --- which edits stood ---
+
+
+def told(steps: list[str]) -> tuple[Standing[int], list[tuple[int, ...]]]:
+    """The states of a log whose entries say their own numbers, and of a short one what stood after each."""
+    standing: Standing[int] = Standing()
+    done: list[int] = []
+    undone: list[int] = []
+    after: list[tuple[int, ...]] = [()]
+    for number, step in enumerate(steps, 1):
+        if step == "undo" and done:
+            standing.undo(number)
+            undone.append(done.pop())
+        elif step == "redo" and undone:
+            done.append(undone.pop())
+            standing.redo(number, done[-1])
+        else:
+            standing.say(number, number, counts=step != "remark")
+            done.append(number)
+            undone.clear()
+        after.append(tuple(done) if len(steps) < 100 else ())
+    return standing, after
+
+
+@given(st.lists(st.sampled_from(["say", "say", "remark", "undo", "undo", "redo"]), max_size=60))
+@settings(max_examples=150)
+def test_it_tells_what_a_replay_of_the_log_tells(steps: list[str]):
+    standing, after = told(steps)
+    now = set(after[-1])
+    remarks = {number for number, step in enumerate(steps, 1) if step == "remark"}
+    for seen, then in enumerate(map(set, after)):
+        assert set(standing.changes(seen)) == now ^ then
+        assert standing.differing(seen) == len((now ^ then) - remarks)
+        edits = then - remarks
+        assert standing.stood_by(seen) == (edits <= now) and standing.counted(seen) == len(edits)
+        assert all(standing.stood_by(seen, k) == (edits <= set(after[k])) for k in range(seen, len(after)))
+        assert bool(standing.stood(seen)) == (seen in now)
+        assert all(bool(standing.stood(number, seen)) == (number in then) for number in range(len(after)))
+
+
+def calls(work: Callable[[], Any]) -> int:
+    """How many lines of Python it takes."""
+    lines = 0
+
+    def trace(frame: Any, event: str, argument: Any) -> Any:
+        nonlocal lines
+        lines += event == "line"
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        work()
+    finally:
+        sys.settrace(before)
+    return lines
+
+
+def test_a_hundred_times_as_long_a_log_takes_hardly_longer():
+    """Counted for runs that have seen all sorts of states of it: a replay would take a hundred times as many steps."""
+
+    def asked(length: int) -> int:
+        standing, after = told((["say"] * 9 + ["undo"]) * (length // 10))
+        return calls(lambda: [standing.differing(seen) for seen in range(0, len(after), length // 20)])
+
+    assert asked(50_000) < 4 * asked(500)
+
+
+# --- changes of corrections ---
+
+
+def changed(project: Project, fit: FitResult, window: range, seed: int) -> FitResult:
+    """Change frames of the run 2 of corrections, which is made if it is missing; the fit with them."""
+    seen = project.last_edit
+    frames = Frames.of(sample_fit(seed), (window,), seen)
+
+    def change(changes):
+        changes.add(frames, seen=seen, edits={seen: True})
+
+    if len(project.runs.all()) == 1:
+        parent = project.runs.get(1)
+        project.runs.start(
+            fit.config, fit=fit, body=BODY, edits_seen=0, kind="corrections", parent=parent.id, change=change
+        )
+    else:
+        project.runs.change(2, change)
+    return frames.put_into(fit)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    Project.create(tmp_path / "walk.tcfit", sample_clip()).close()
+    return tmp_path / "walk.tcfit"
+
+
+def test_changes_that_a_killed_process_left_are_not_those_of_the_next_run(folder: Path):
+    """A kill between the first change of a run of corrections and the run's row leaves the change alone."""
+    with Project.open(folder) as project:
+        project.runs.start(CONFIG, fit=sample_fit(0), body=BODY, edits_seen=0)
+        project.append(random_edit(1))
+        changed(project, sample_fit(0), range(0, 3), 1)
+        shutil.copytree(folder / "runs" / "000002", folder / "runs" / "000003")
+    with Project.open(folder) as project:
+        run = project.runs.start(CONFIG, body=BODY, edits_seen=1)
+        assert run.id == 3
+        project.runs.finish(run.id, sample_fit(2))
+        assert_same_fit(project.runs.load(run.id), sample_fit(2))
+
+
+def test_the_log_says_which_changes_count(folder: Path):
+    with Project.open(folder) as project:
+        fits = [sample_fit(0)]
+        project.runs.start(CONFIG, fit=fits[0], body=BODY, edits_seen=0)
+        for number, window in enumerate((range(0, 3), range(2, 5), range(1, 2)), 1):
+            project.append(random_edit(number))
+            fits.append(changed(project, fits[-1], window, number))
+    with Project.open(folder) as project:
+        for left in (2, 1, 0):
+            project.undo()
+            assert_same_fit(project.runs.load(2), fits[left])
+            assert project.runs.get(2).edits_seen == left and project.runs.get(2).emptied == (left == 0)
+            assert [run.id for run in project.runs.all()] == ([1, 2] if left else [1])
+        for left in (1, 2, 3):
+            project.redo()
+            assert_same_fit(project.runs.load(2), fits[left])
+        assert_same_fit(project.runs.load(2, 1), fits[1])
+        for _ in range(3):
+            project.undo()
+        project.append(random_edit(4))
+        project.runs.changes(2).forget_undone()
+    assert not list((folder / "runs" / "000002").iterdir())

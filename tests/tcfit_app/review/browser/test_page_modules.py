@@ -1,8 +1,11 @@
-"""The page's modules as text: what imports what, and who touches viser's insides."""
+"""The page's modules: what imports what, who touches viser's insides, and what the pure ones work out in Node."""
 
 import re
+import shutil
+import subprocess
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
+from pathlib import Path
 from posixpath import dirname, join, normpath
 
 import pytest
@@ -73,3 +76,23 @@ def test_the_insides_are_known():
     assert {"__viser", "messageQueue", "requestRender", "sendMessage", "mantine", ".material"} <= touched
     window = [path for path in SOURCES if "__viser" in code(SOURCES[path])]
     assert window == ["/tcfit/viser/bridge.js"]
+
+
+TESTS = Path(__file__).with_name("scripts")
+NODE = shutil.which("node")
+
+
+@pytest.mark.skipif(NODE is None, reason="Node is not installed: the page's scripts are tested in browsers only")
+@pytest.mark.parametrize("tested", sorted(TESTS.glob("*.test.js")), ids=lambda path: path.name)
+def test_scripts(tested: Path, tmp_path: Path) -> None:
+    for path, content in web_files().items():
+        file = tmp_path / path.removeprefix("/tcfit/")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(content)
+    shutil.copytree(TESTS / "stubs", tmp_path, dirs_exist_ok=True)
+    shutil.copy(tested, tmp_path)
+    (tmp_path / "package.json").write_text('{"type": "module"}')
+    assert NODE is not None
+    done = subprocess.run([NODE, "--test", tested.name], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "# fail 0" in done.stdout and "# pass 0" not in done.stdout
