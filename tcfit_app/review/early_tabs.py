@@ -16,7 +16,7 @@ from fitting_core.video.frames import FrameSource
 from tcfit_app.project.storage.opening_body import read_opening_body
 from tcfit_app.review.browser.channel import Channel
 from tcfit_app.review.browser.page_events import Hello, PageEvent
-from tcfit_app.review.scene.layers import BodyLayer, FrameImage
+from tcfit_app.review.scene.layers import BodyLayer
 from tcfit_app.review.scene.poster import Poster, Posters, SidePoster, poster_layout
 from tcfit_app.review.scene.room import UNKNOWN
 from tcfit_app.review.scene.scene import SceneView
@@ -110,7 +110,7 @@ def first_picture(folder: Path) -> Posters | None:
     body, source, number = stored
     try:
         with FrameSource(source, lens=body.camera.lens) as frames:
-            image = FrameImage(data=encoded(frames.frame(number), "full"))
+            image = encoded(frames.frame(number), "full")
     except (InputError, OSError):
         return None
     layer = BodyLayer(

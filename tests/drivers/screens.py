@@ -16,7 +16,7 @@ from fitting_core.camera import Camera
 from fitting_core.render.rasterize import rasterize
 from tcfit_app.review.browser.channel import Channel, web_files
 from tcfit_app.review.browser.page_states import Layout
-from tcfit_app.review.scene.layers import RGB, BodyLayer, FrameImage
+from tcfit_app.review.scene.layers import RGB, BodyLayer, uniform_jpeg
 from tcfit_app.review.scene.poses import Pose, Rectangle, Window
 from tcfit_app.review.scene.poster import Posters, poster_layout
 from tcfit_app.review.scene.scene import SceneView
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 PLATE_COLOR: RGB = (0, 0, 160)
 BODY_COLOR: RGB = (255, 60, 60)
-PLATE = FrameImage.uniform(PLATE_COLOR)
+PLATE = uniform_jpeg(PLATE_COLOR)
 PATIENCE_SECONDS = 30.0
 
 # Everything but the canvas: panels, messages.

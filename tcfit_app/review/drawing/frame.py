@@ -18,12 +18,7 @@ from tcfit_app.analysis.seen import seen_joints, unseen_keypoints
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.other_view import ProjectView
 from tcfit_app.review.browser.page_states import Color
-from tcfit_app.review.scene.layers import (
-    MOST_OTHERS,
-    OTHER_OPACITY,
-    BodyLayer,
-    FrameImage,
-)
+from tcfit_app.review.scene.layers import MOST_OTHERS, OTHER_OPACITY, BodyLayer
 from tcfit_app.review.scene.other_view import OtherCamera, other_camera
 from tcfit_app.review.scene.room import UNKNOWN, Room
 from tcfit_app.review.scene.side_view import SideView, side_view
@@ -62,7 +57,8 @@ class Frame:
     """`Project.keypoints_version`."""
     unseen: tuple[int, ...]
     """BODY_25 keypoints of which there is no evidence."""
-    image: FrameImage
+    image: bytes
+    """A JPEG."""
     bodies: dict[Slot, BodyLayer]
     """Those of the fits that can be drawn; also hidden ones whose keypoints the side view or 3D shows."""
     problem: str
@@ -108,7 +104,7 @@ class Beside:
     view: ProjectView
     frame: int | None
     """Its own, from its first; None: it was not filmed then."""
-    image: FrameImage | None
+    image: bytes | None
 
 
 class Frames:
@@ -128,7 +124,7 @@ class Frames:
         """The frame on show; None while its image is being decoded."""
         tab, state, data = self._tab, self._tab.state, self._data
         video, flat = data.video, state.side and state.mode != "space"
-        if (image := self._image("image", video, lambda frame: tab.first_frame + frame)) is None:
+        if (image := self._image(video, lambda frame: tab.first_frame + frame)) is None:
             return None
         view = tab.view if flat else None
         beside = None if view is None else self._beside(view)
@@ -176,11 +172,10 @@ class Frames:
             return None
         return replace(frame, shown=shown, bodies=bodies, rings=frame.rings and self._rings(shown))
 
-    def _image(self, name: str, video: VideoFrames, number: Callable[[int], int | None]) -> FrameImage | None:
+    def _image(self, video: VideoFrames, number: Callable[[int], int | None]) -> bytes | None:
         """A video's picture of the frame on show; the previous one while a paused frame is being decoded.
 
         Args:
-            name: Of the video.
             video: Where it is from.
             number: The video's frame for each of the clip, if it has one.
         """
@@ -190,10 +185,8 @@ class Frames:
         if state.playing:
             frames = map(number, coming(state.frame, tab.played, _AHEAD, loop=state.loop))
             video.prefetch([now, *(frame for frame in frames if frame is not None)], reader=tab)
-            data = video.get(now, "playing")
-        else:
-            data = video.nearest(now)
-        return None if data is None else tab.once(name, data, lambda: FrameImage(data=data))
+            return video.get(now, "playing")
+        return video.nearest(now)
 
     def _beside(self, view: ProjectView) -> Beside:
         """What another view shows; without an image while it is being decoded."""
@@ -203,7 +196,7 @@ class Frames:
             found = tab.frame_in(view, frame)
             return None if found is None else clip.first_frame + found
 
-        image = self._image("image beside", self._data.video_of(clip), number)
+        image = self._image(self._data.video_of(clip), number)
         return Beside(view=view, frame=tab.frame_in(view, tab.state.frame), image=image)
 
     def _camera(self, view: OtherView, shown: OnShow) -> OtherCamera:

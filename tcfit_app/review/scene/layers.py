@@ -60,25 +60,16 @@ NEAREST = 0.05
 """The near plane, metres from the camera: nearer vertices are moved onto it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FrameImage:
-    """An encoded image, sent to the browser unchanged."""
+def jpeg(rgb: UInt8[np.ndarray, "H W 3"], *, quality: int = 85) -> bytes:
+    """A JPEG of an RGB array."""
+    done, data = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    assert done, "OpenCV has no JPEG encoder"
+    return data.tobytes()
 
-    data: bytes
-    """JPEG."""
 
-    @classmethod
-    def encode(cls, rgb: UInt8[np.ndarray, "H W 3"], *, quality: int = 85) -> "FrameImage":
-        """A JPEG of an RGB array."""
-        done, data = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
-        assert done, "OpenCV has no JPEG encoder"
-        return cls(data=data.tobytes())
-
-    @classmethod
-    @cache
-    def uniform(cls, color: RGB) -> "FrameImage":
-        """An image of one colour, for any size."""
-        return cls.encode(np.full((8, 8, 3), color, np.uint8))
+def uniform_jpeg(color: RGB) -> bytes:
+    """An image of one colour, for any size."""
+    return jpeg(np.full((8, 8, 3), color, np.uint8))
 
 
 def css(color: RGB) -> str:

@@ -13,7 +13,7 @@ import viser
 from jaxtyping import Float, Float32, Int, UInt8
 
 from tcfit_app.review.browser.channel import page_call
-from tcfit_app.review.scene.layers import RGB, BodyLayer, FrameImage, color_index, color_table
+from tcfit_app.review.scene.layers import RGB, BodyLayer, color_index, color_table
 from tcfit_app.server.viser_bridge import run_javascript, show_jpeg
 
 _OPAQUE = 0.995
@@ -187,20 +187,20 @@ class BodyNode:
 class ImageNode:
     """One image in a browser tab: y down, seen from -z. Its world size is independent of its pixels."""
 
-    def __init__(self, client: viser.ClientHandle, name: str, dressing: MeshDressing, first: FrameImage) -> None:
+    def __init__(self, client: viser.ClientHandle, name: str, dressing: MeshDressing, first: bytes) -> None:
         self._node = client.scene.add_image(
             name, np.zeros((1, 1, 3), np.uint8), 1.0, 1.0, cast_shadow=False, receive_shadow=False
         )
-        self._image: FrameImage | None = None
+        self._image = b""
         dressing.dress(name, dark=True)
         self.draw(first, (1.0, 1.0))
 
     def draw(
-        self, image: FrameImage, size: tuple[float, float], position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self, image: bytes, size: tuple[float, float], position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     ) -> None:
-        """Show the image in a rectangle of this width and height around the position, in world units."""
-        if image is not self._image:
-            show_jpeg(self._node, image.data)
+        """Show the JPEG in a rectangle of this width and height around the position, in world units."""
+        if image != self._image:
+            show_jpeg(self._node, image)
             self._image = image
         self._node.render_width, self._node.render_height = size
         self._node.position = position

@@ -18,14 +18,14 @@ from jaxtyping import Float
 from fitting_core.camera import Camera
 from tcfit_app.review.browser.page_states import Color, Layout
 from tcfit_app.review.browser.page_states import Poster as PosterPlace
-from tcfit_app.review.scene.layers import MOST_OTHERS, NEAREST, BodyLayer, FrameImage
+from tcfit_app.review.scene.layers import MOST_OTHERS, NEAREST, BodyLayer, uniform_jpeg
 from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
 from tcfit_app.review.scene.other_view import OtherCamera
 from tcfit_app.review.scene.poses import Window
 from tcfit_app.review.scene.side_view import SideView
 from tcfit_app.review.scene.windows import MARGIN, Arrangement, Division, divide
 
-PLATE = FrameImage.uniform((38, 40, 44))
+PLATE = uniform_jpeg((38, 40, 44))
 """Replaces a frame that is not ready, or a video that is switched off."""
 _FAR_OUT = 8.0
 """Maximum distance of a drawn vertex from the centre, in image heights: float32 and clipping fail beyond."""
@@ -47,8 +47,8 @@ def body_nodes(poster: str) -> tuple[str, ...]:
 class Poster:
     """A video frame and the bodies on it."""
 
-    image: FrameImage | None = None
-    """None: not ready; a plain plate is shown. Compared by identity."""
+    image: bytes | None = None
+    """A JPEG; None: not ready; a plain plate is shown."""
     bodies: tuple[BodyLayer, ...] = ()
     """At most two."""
     others: tuple[BodyLayer, ...] = ()
@@ -63,8 +63,8 @@ class SidePoster:
 
     view: SideView | OtherCamera
     """Compared by identity."""
-    image: FrameImage | None = None
-    """Of another view."""
+    image: bytes | None = None
+    """A JPEG of another view."""
     bodies: tuple[BodyLayer, ...] = ()
     """At most two."""
 
@@ -224,7 +224,7 @@ class _Slot:
         self._source: tuple[object, ...] = ()
         self._reliefs: list[np.ndarray] = []
 
-    def show(self, image: FrameImage, width: float) -> None:
+    def show(self, image: bytes, width: float) -> None:
         """Show it. Its node stays in place; the page moves it into the poster's window."""
         self._image.draw(image, (width, 1.0))
         self._frame.visible = True

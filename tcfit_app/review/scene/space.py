@@ -14,7 +14,7 @@ from jaxtyping import Float
 from viser.transforms import SO3
 
 from fitting_core.camera import Camera
-from tcfit_app.review.scene.layers import MOST_OTHERS, BodyLayer, FrameImage
+from tcfit_app.review.scene.layers import MOST_OTHERS, BodyLayer
 from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
 from tcfit_app.review.scene.poster import PLATE
 from tcfit_app.review.scene.room import extent
@@ -60,8 +60,8 @@ class Space:
     """The first of two bodies is drawn faintly, so that it does not hide the other one in the same place."""
     others: tuple[BodyLayer, ...] = ()
     """Of other people, at most MOST_OTHERS."""
-    image: FrameImage | None = None
-    """The frame, drawn in the camera's frustum. None: not ready. Compared by identity."""
+    image: bytes | None = None
+    """The frame as a JPEG, drawn in the camera's frustum. None: not ready."""
     turn: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
     """From camera space to the upright world: x_world = turn @ x_camera + place."""
     place: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))

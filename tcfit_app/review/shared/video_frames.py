@@ -35,7 +35,7 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.video.frames import FrameSource
 from tcfit_app.analysis.byte_cache import ByteCache
-from tcfit_app.review.scene.layers import FrameImage
+from tcfit_app.review.scene.layers import jpeg
 
 FrameSize = Literal["playing", "full"]
 """Small, for fast playback; or every pixel of the video."""
@@ -255,7 +255,7 @@ def encoded(image: UInt8[np.ndarray, "H W 3"], shown: FrameSize) -> bytes:
     if size != (image.shape[1], image.shape[0]):
         # Linear, not by area: 2 against 20 ms when 1080p shrinks by a non-integer factor.
         image = cv2.resize(image, size, interpolation=cv2.INTER_LINEAR)
-    return FrameImage.encode(image, quality=_QUALITY[shown]).data
+    return jpeg(image, quality=_QUALITY[shown])
 
 
 def placeholder(size: tuple[int, int], shown: FrameSize) -> bytes:

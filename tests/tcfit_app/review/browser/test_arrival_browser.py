@@ -10,7 +10,7 @@ import pytest
 
 from tcfit_app.review.browser.channel import web_files
 from tcfit_app.review.browser.page_states import Cursor
-from tcfit_app.review.scene.layers import BodyLayer, FrameImage
+from tcfit_app.review.scene.layers import BodyLayer, jpeg
 from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
 from tcfit_app.server.serving import review_server
 from tests.drivers.page_tab import TABS, Tab, open_tab
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.thorough
 
 FACES = np.array([[0, 2, 1], [0, 3, 2]])
 SQUARE = np.array([[-0.2, -0.2, 0], [0.2, -0.2, 0], [0.2, 0.2, 0], [-0.2, 0.2, 0]], np.float32)
-BROKEN = FrameImage(data=b"no picture")
+BROKEN = b"no picture"
 WATCH = """() => {
   window.meshOf = (name) => {
     let found = null;
@@ -62,7 +62,7 @@ class Scene:
         self._image = ImageNode(self.client, "/video", dressing, picture(1))
         self._body = BodyNode(self.client, "/body", dressing)
 
-    def show(self, frame: int, image: FrameImage | None = None) -> None:
+    def show(self, frame: int, image: bytes | None = None) -> None:
         """All of a frame in one message."""
         vertices = SQUARE - np.array([0, 0, frame / 1000], np.float32)
         layer = BodyLayer(vertices=vertices, faces=FACES)
@@ -81,8 +81,8 @@ class Scene:
         return self.page.evaluate("() => window.drawn.splice(0)")
 
 
-def picture(frame: int) -> FrameImage:
-    return FrameImage.encode(np.full((9, frame, 3), 90, np.uint8))
+def picture(frame: int) -> bytes:
+    return jpeg(np.full((9, frame, 3), 90, np.uint8))
 
 
 @pytest.fixture(scope="module")
