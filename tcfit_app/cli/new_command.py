@@ -13,15 +13,7 @@ from fitting_core.measure.references.reference import Reference
 from fitting_core.video.fingerprint import fingerprint
 from tcfit_app.cli.progress import DetectionShown
 from tcfit_app.home.found import PROJECT_SUFFIX
-from tcfit_app.options.clip_input import (
-    all_people_of,
-    clip_of,
-    clip_options,
-    described,
-    notes_of,
-    refusal,
-    with_views,
-)
+from tcfit_app.options.clip_input import all_people_of, clip_of, clip_options, described, notes_of, refusal, with_views
 from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions, height_of
 from tcfit_app.project.new_people import create_people
 from tcfit_app.project.project import Project

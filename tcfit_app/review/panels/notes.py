@@ -16,17 +16,7 @@ from tcfit_app.review.gestures.noting import FIELD, FOLD
 from tcfit_app.review.panels.elements.field import for_writers
 from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
 from tcfit_app.review.panels.elements.fold import Fold
-from tcfit_app.review.panels.elements.html import (
-    Board,
-    Html,
-    button,
-    joined,
-    line,
-    paragraph,
-    row,
-    table,
-    text,
-)
+from tcfit_app.review.panels.elements.html import Board, Html, button, joined, line, paragraph, row, table, text
 
 _MOST = 30
 """Number of notes listed."""

@@ -12,16 +12,7 @@ from tcfit_app.review.panels.elements.camera_input import CameraInput
 from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
 from tcfit_app.review.panels.elements.fold import Fold
-from tcfit_app.review.panels.elements.html import (
-    Board,
-    Html,
-    button,
-    facts,
-    heading,
-    paragraph,
-    progress_bar,
-    row,
-)
+from tcfit_app.review.panels.elements.html import Board, Html, button, facts, heading, paragraph, progress_bar, row
 from tcfit_app.review.session.keypoint_source import Going
 from tcfit_app.review.tab.tab import Tab
 

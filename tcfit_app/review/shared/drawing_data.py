@@ -22,11 +22,7 @@ from tcfit_app.analysis.curves import Curve, between_runs, curve
 from tcfit_app.analysis.levels import LevelSpans, level_spans
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
-from tcfit_app.analysis.run_metrics import (
-    Metric,
-    reference_metrics,
-    run_metrics,
-)
+from tcfit_app.analysis.run_metrics import Metric, reference_metrics, run_metrics
 from tcfit_app.analysis.seen import evident, seen_joints
 from tcfit_app.analysis.suspicion import ReviewQueue, findings, review_queue, still_checked, worst_place
 from tcfit_app.analysis.view_scale import scale_of
