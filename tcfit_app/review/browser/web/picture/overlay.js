@@ -88,9 +88,7 @@ function drawSilhouette(context, map) {
     outline.closePath();
   }
   stroke(context, outline, "rgba(8, 10, 14, 0.5)", OUTLINE + 1.4);
-  context.setLineDash([6, 4]);
-  stroke(context, outline, COLORS.strong, OUTLINE);
-  context.setLineDash([]);
+  stroke(context, outline, COLORS.strong, OUTLINE, { dash: [6, 4] });
 }
 
 /** The straight edges that the camera is estimated from; those that do not count are thin.
@@ -126,9 +124,7 @@ function drawBones(context, map) {
   groups.forEach(({ radius }, i) => {
     const width = (0.7 + 0.26 * radius) * zoomFactor(map);
     if (width > FINE_BONES) stroke(context, lines[i], "rgba(8, 10, 14, 0.5)", width + 1.6);
-    context.globalAlpha = 0.85;
-    stroke(context, lines[i], groupColor(i), width);
-    context.globalAlpha = 1;
+    stroke(context, lines[i], groupColor(i), width, { alpha: 0.85 });
   });
 }
 
@@ -213,10 +209,8 @@ function drawGaps(context, map) {
     const [u, v] = toScreen(map, reached);
     gaps.addPath(circle(u, v, 4));
   });
-  context.setLineDash([5, 4]);
-  stroke(context, gaps, "rgba(8, 10, 14, 0.75)", 4);
-  stroke(context, gaps, COLORS.bad, 2);
-  context.setLineDash([]);
+  stroke(context, gaps, "rgba(8, 10, 14, 0.75)", 4, { dash: [5, 4] });
+  stroke(context, gaps, COLORS.bad, 2, { dash: [5, 4] });
 }
 
 /** @param {Context} context */

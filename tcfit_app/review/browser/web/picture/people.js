@@ -62,10 +62,8 @@ export function drawPeople(context, map) {
     lines.moveTo(...toScreen(map, [x0, y0]));
     lines.lineTo(...toScreen(map, [x1, y1]));
   }
-  context.globalAlpha = BONES.alpha;
-  stroke(context, lines, "rgba(8, 10, 14, 0.5)", BONES.width + 1.6);
-  stroke(context, lines, BONES.color, BONES.width);
-  context.globalAlpha = 1;
+  stroke(context, lines, "rgba(8, 10, 14, 0.5)", BONES.width + 1.6, { alpha: BONES.alpha });
+  stroke(context, lines, BONES.color, BONES.width, { alpha: BONES.alpha });
 }
 
 /** Reports that the user means the person at a place of a picture, if another person's bones are around it; offers to

@@ -4,11 +4,16 @@
 
 export const NOT_SURE = 0.5; // opacity of what is not seen, relative to what is
 
-/** @param {Context} context @param {Path2D} path @param {string} color @param {number} width */
-export function stroke(context, path, color, width) {
+/** @param {Context} context @param {Path2D} path @param {string} color @param {number} width
+ * @param {{ alpha?: number, dash?: number[] }} [style] its opacity, and the lengths of dashes and gaps */
+export function stroke(context, path, color, width, { alpha = 1, dash = [] } = {}) {
   context.strokeStyle = color;
   context.lineWidth = width;
+  context.globalAlpha = alpha;
+  context.setLineDash(dash);
   context.stroke(path);
+  context.globalAlpha = 1;
+  context.setLineDash([]);
 }
 
 /** Draws nothing outside a box. @param {Context} context

@@ -125,11 +125,7 @@ function drawBones(context, map, bodies) {
     const notSeen = bonePath(points, project, hidden);
     stroke(context, seen, "rgba(8, 10, 14, 0.5)", width + 1.6);
     stroke(context, seen, color, width);
-    context.globalAlpha = NOT_SURE;
-    context.setLineDash([2 * width, 2 * width]);
-    stroke(context, notSeen, color, width);
-    context.setLineDash([]);
-    context.globalAlpha = 1;
+    stroke(context, notSeen, color, width, { alpha: NOT_SURE, dash: [2 * width, 2 * width] });
   }
 }
 
@@ -151,9 +147,5 @@ function drawSights(context, map, side) {
     lines.moveTo(...toScreen(map, [u, v]));
     lines.lineTo(...toScreen(map, [u + FAR * du, v + FAR * dv]));
   }
-  context.setLineDash([5, 4]);
-  context.globalAlpha = 0.8;
-  stroke(context, lines, tones.selected, 1.2);
-  context.globalAlpha = 1;
-  context.setLineDash([]);
+  stroke(context, lines, tones.selected, 1.2, { alpha: 0.8, dash: [5, 4] });
 }

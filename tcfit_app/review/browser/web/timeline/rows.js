@@ -54,11 +54,7 @@ function drawRow(context, row, band) {
 function drawCurve(context, { values, color, unseen }, y) {
   let sure = values;
   if (unseen.length) {
-    context.setLineDash([2, 3]);
-    context.globalAlpha = NOT_SURE;
-    stroke(context, curvePath(values, y), tones[color], 1.4);
-    context.setLineDash([]);
-    context.globalAlpha = 1;
+    stroke(context, curvePath(values, y), tones[color], 1.4, { alpha: NOT_SURE, dash: [2, 3] });
     sure = [...values];
     for (const [first, last] of unseen) sure.fill(null, first, last + 1);
   }
