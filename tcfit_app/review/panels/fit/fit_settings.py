@@ -193,9 +193,9 @@ class FitInputs:
 
     def add_focal(self) -> None:
         """The focal length."""
-        clip = self._camera.focal[0]
         hint = "For whole fits; a re-run keeps its run's focal length"
-        self._add_number("focal", _FOCAL, hint, lambda s: round(float(s.focal or clip), 2), self._take_focal)
+        read: Callable[[FitSettings], float] = lambda s: round(float(s.focal or self._camera.focal[0]), 2)  # noqa: E731
+        self._add_number("focal", _FOCAL, hint, read, self._take_focal)
         self._focal = Board(self._tab)
 
     def add_calibration(self) -> None:

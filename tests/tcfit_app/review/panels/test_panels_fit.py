@@ -62,6 +62,14 @@ def test_what_is_entered_is_in_the_run(tested: LonePage):
     assert page.tab.session.fits.fit(rerun).camera == camera
 
 
+def test_the_focal_length_is_that_of_the_clips_camera_now(tested: LonePage):
+    """Detection and camera files change it."""
+    project = tested.page.tab.session.project
+    project.set_camera(replace(project.clip.camera, focal=(777.0, 777.0)))
+    tested.draw()
+    assert tested.field("Focal length").value == "777"
+
+
 @pytest.mark.parametrize(
     ("label", "value", "said"),
     [
