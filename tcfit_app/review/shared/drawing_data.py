@@ -18,6 +18,7 @@ from fitting_core.errors import InputError
 from fitting_core.ground.from_pictures import StraightLines, straight_lines
 from fitting_core.ground.level import Level, level_of
 from fitting_core.metrics import error_figures
+from fitting_core.relation import Relation
 from tcfit_app.analysis.curves import Curve, between_runs, curve
 from tcfit_app.analysis.levels import LevelSpans, level_spans
 from tcfit_app.analysis.meshes import Meshes
@@ -95,6 +96,8 @@ class DrawingData:
         self._video = self._opened()
         self._beside: tuple[Clip, VideoFrames] | None = None
         """Another view's video, once it was shown."""
+        self._view_scales: dict[Relation | None, float] = {}
+        """Those shown last: another one for a moment would move the body in the view's picture."""
 
     def _opened(self) -> VideoFrames:
         self._of_video = self.session.project.video_version
@@ -226,16 +229,18 @@ class DrawingData:
         return self.tasks.get(("room", _stage(shown), _stage(held)), made)
 
     def view_scale(self, view: OtherView, shown: Shown) -> float:
-        """See `view_scale.scale_of`; 1 while it is computed."""
+        """See `view_scale.scale_of`; while it is computed, the view's last one, or 1."""
         meshes, rate = self.meshes(shown), self.session.project.footage.frame_rate
 
         def made() -> float:
             sample = _sample(shown)
             return scale_of(view, meshes.body_points(shown.params[sample.tolist()]), sample / rate)
 
-        if shown.there is not None and not shown.there.any():
-            return 1.0
-        return self.tasks.get(("view scale", view.relation, _stage(shown)), made) or 1.0
+        if shown.there is None or shown.there.any():
+            found = self.tasks.get(("view scale", view.relation, _stage(shown)), made)
+            if found is not None:
+                self._view_scales[view.relation] = found
+        return self._view_scales.get(view.relation, 1.0)
 
     @property
     def straight_lines(self) -> StraightLines | None:

@@ -281,6 +281,21 @@ def test_frames_that_look_fine_stay_so_until_the_fit_moves(
     assert shown is not None and fine() == frozenset()
 
 
+def test_the_body_stays_in_place_in_the_other_view_while_its_distance_is_computed(
+    tested: LonePage, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    data, view = tested.page.tab.data, second_view(tiny_body)
+
+    def scale() -> float:
+        return data.view_scale(view, tested.shown)
+
+    monkeypatch.setattr(drawing_data, "scale_of", lambda *given: 1.25)
+    assert scale() == 1.0
+    tested.until(lambda: scale() == 1.25)
+    tested.fit()
+    assert scale() == 1.25, "that of the new fit is not known yet"
+
+
 def test_the_body_is_drawn_where_the_other_camera_has_it(tiny_body: BodyModel):
     view = second_view(tiny_body)
     points = keypoints_in_space(tiny_body, arms_in_motion(FRAMES))[0][:, :25]
