@@ -120,6 +120,6 @@ def _check_angle(focal: float, size: tuple[int, int], words: str) -> None:
     if not _FOV_RANGE[0] <= degrees <= _FOV_RANGE[1]:
         raise InputError(
             f"A camera with a {words} sees {degrees:.3g} degrees of an image of "
-            f"{size[0]} x {size[1]}; expected {_FOV_RANGE[0]:g} to {_FOV_RANGE[1]:g}. `focal_length` is in pixels (use "
-            "`focal_length_35mm` for millimetres), `fov` in degrees."
+            f"{size[0]} x {size[1]}; expected {_FOV_RANGE[0]:g} to {_FOV_RANGE[1]:g}. `focal_length` is in pixels, not "
+            "in millimetres (`focal_length_35mm`) or degrees (`fov`)."
         )

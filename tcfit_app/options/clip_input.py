@@ -72,9 +72,10 @@ def with_views(
             CameraOptions(focal_length=focal), options.method if isinstance(options, FitOptions) else None
         )
         try:
-            found.append(read_view(clip, video, keypoints, clip=part, camera=camera, detector=detector, tell=tell))
+            first = dataclasses.replace(clip, views=tuple(found))
+            found.append(read_view(first, video, keypoints, clip=part, camera=camera, detector=detector, tell=tell))
         except InputError as error:
-            raise InputError(f"--other-view {video}: {_translated(str(error), '--other-')}") from error
+            raise InputError(f"--other-view {video}: {_of_view(str(error))}") from error
     return dataclasses.replace(clip, views=tuple(found))
 
 
@@ -140,9 +141,21 @@ _NAMES = re.compile(f"`({'|'.join(f.name for kind in HINTS for f in dataclasses.
 """The library's options, in backquotes: paths and keys of files may have the same names."""
 
 
-def _translated(text: str, dashes: str = "--") -> str:
+def _translated(text: str) -> str:
     """A message with the names of options as on the command line."""
-    return _NAMES.sub(lambda name: dashes + name[1].replace("_", "-"), text)
+    return _NAMES.sub(lambda name: f"--{name[1].replace('_', '-')}", text)
+
+
+_OF_VIEWS = {field.name.removeprefix("other_") for field in dataclasses.fields(ViewOptions)}
+
+
+def _of_view(text: str) -> str:
+    """The same for another view; options that views lack are plain words."""
+
+    def named(name: re.Match[str]) -> str:
+        return f"--other-{name[1].replace('_', '-')}" if name[1] in _OF_VIEWS else name[1].replace("_", " ")
+
+    return _NAMES.sub(named, text)
 
 
 def _read(options: FitOptions | NewOptions | ReviewOptions, tell: Tell | None) -> Clip:

@@ -200,7 +200,7 @@ WRONG_OPTIONS = {
     "fov in tiny numbers": ({"fov": 0.01}, "field of view of 0.01 degrees sees 0.01 degrees .* expected 0.5 to 170"),
     "fov NaN": ({"fov": float("nan")}, "`fov` is nan; expected a positive number"),
     "negative focal length": ({"focal_length": -500.0}, "`focal_length` is -500; expected a positive number"),
-    "millimetres for pixels": ({"focal_length": 4.2}, r"length of 4.2 pixels sees 177 degrees .*use `focal_length_35"),
+    "millimetres for pixels": ({"focal_length": 4.2}, r"length of 4.2 pixels sees 177 degrees .* \(`focal_length_35"),
     "infinite focal length": ({"focal_length_35mm": float("inf")}, "`focal_length_35mm` is inf; expected"),
     "centre far outside": ({"center": (5000.0, 120.0)}, r"`center` is \(5000, 120\); expected .* near \(160, 120\)"),
     "centre NaN": ({"center": (float("nan"), 120.0)}, r"`center` is \(nan, 120\); expected"),

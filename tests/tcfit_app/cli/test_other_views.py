@@ -31,7 +31,7 @@ def film(tmp_path: Path) -> Films:
     def make(name: str, azimuth: float, frames: slice = slice(None), window: str = "05_02_1") -> list[str]:
         clip = seen_from(azimuth, seed=round(azimuth), frames=frames, window=window)
         width, height = (round(SCALE * side) for side in CAMERA.size)
-        grey = np.full((height, width, 3), 90, np.uint8)
+        grey = np.full((height, width, 3), 90 + round(azimuth), np.uint8)
         path = write_film(tmp_path / f"{name}.mp4", [grey] * len(clip), frame_rate=clip.frame_rate)
         points = clip.keypoints
         write_openpose(tmp_path / name, type(points)(xy=SCALE * points.xy, confidence=points.confidence), name=name)
@@ -86,6 +86,7 @@ WRONG = {
         ["--other-view", "c.mp4", "--other-keypoints", "auto", "--other-focal-length", "auto"],
         "c.mp4 does not exist; expected a video",
     ),
+    "a frame that is not there": (["--other-first-frame", "500"], r"\(--other-first-frame, last frame\)"),
     "all people": (["--people", "all"], "--people all cannot be combined with --other-view"),
 }
 
@@ -100,6 +101,19 @@ def test_wrong_options_are_explained(
     assert main(["fit", *first, *other, *options, "--out", str(tmp_path / "fit")]) == 2
     assert re.search(message, " ".join(capsys.readouterr().err.split()))
     assert not (tmp_path / "fit").exists()
+
+
+def test_a_video_is_no_view_of_itself(film: Films, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    (a, points_a), (b, points_b) = film("a", 10), film("b", 80)
+    first = ["fit", a, "--keypoints", points_a, "--focal-length", FOCAL, "--out", str(tmp_path / "fit")]
+    for name, *views in (("a", (a, points_a)), ("b", (b, points_b), (b, points_b))):
+        others = [
+            option
+            for video, points in views
+            for option in ("--other-view", video, "--other-keypoints", points, "--other-focal-length", FOCAL)
+        ]
+        assert main([*first, *others]) == 2
+        assert f"{name}.mp4: This is the video of {name}; expected" in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_view_of_another_person_is_refused(film: Films, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
