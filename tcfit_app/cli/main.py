@@ -16,6 +16,7 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 from fitting_core.config.schema import DEFAULT_PRESET
 from fitting_core.errors import InputError
 from fitting_core.files.regular import legible
+from fitting_core.memory import share_heaps
 from tcfit_app.cli.ending import ended, prepare_streams
 from tcfit_app.cli.json_lines import OPTION, SCHEMA, Started, emit, json_lines, version
 from tcfit_app.options.batch import BatchOptions
@@ -169,6 +170,7 @@ def _run(given: list[str]) -> int | None:
     options = parse(given)
     _check_paths(options)
     run = dict(COMMANDS.values())[type(options)]
+    share_heaps()
     code = run(options, legible(shlex.join(["tcfit", *given])))
     return code if isinstance(code, int) else None
 

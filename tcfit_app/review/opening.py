@@ -1,9 +1,7 @@
 """What every review needs before it begins, whether of one project or of many."""
 
-import ctypes
 import gc
 import logging
-import platform
 import threading
 from importlib import import_module
 from pathlib import Path
@@ -16,20 +14,12 @@ if TYPE_CHECKING:
     from tcfit_app.project.project import Project
 
 
-_M_ARENA_MAX, _ARENAS = -8, 2
-"""glibc's parameter for the number of heaps that its malloc shares among threads, and its value."""
-
-
 def load_app() -> None:
     """Import all that serves a project.
 
     No garbage is looked for meanwhile, and what there is now is left out of it for good: 220,000 objects, torch's most
     of all, which stay (0.3 s of a start, and 0.17 s of each full collection, for which a frame would wait).
-
-    Threads share two heaps: with one for each, as many as eight a core, every clip that is opened leaves 50 MB behind.
     """
-    if platform.libc_ver()[0] == "glibc":
-        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, _ARENAS)
     gc.disable()
     try:
         for name in ("torch", "tcfit_app.project.project", "tcfit_app.review.app"):

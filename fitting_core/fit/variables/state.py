@@ -14,6 +14,8 @@ from fitting_core.priors.pose import PosePrior
 
 _HALF_FIST = [[(0, 0, -55), (0, 0, -66), (0, 0, -42)]] * 4 + [[(21, 17, -8), (8, 18, -7), (7, 23, -8)]]
 """Axis-angle in degrees of the left hand's finger joints in SMPL-X's order, the thumb last."""
+_TOGETHER = 1024
+"""Frames decoded at once."""
 
 
 @dataclass(frozen=True)
@@ -206,10 +208,12 @@ class Parametrisation:
     def to_params(self, state: State) -> BodyParams:
         """The user's form: detached, on the CPU, float64."""
         c, v, half = self.columns, state.vector, self.columns.hand
+        # All at once, a latent prior's layers would take 25 kB a frame.
+        poses = [self.prior.decode(part) for part in v[:, c.body].split(_TOGETHER)]
         params = BodyParams(
             betas=v[:, c.betas],
             global_orient=rotations.log(state.orient),
-            body_pose=self.body_pose(state),
+            body_pose=torch.cat(poses),
             left_hand_pose=v[:, c.hands][:, :half],
             right_hand_pose=v[:, c.hands][:, half:],
             jaw_pose=v[:, c.jaw],
