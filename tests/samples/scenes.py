@@ -22,6 +22,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.variables.state import Parametrisation, State
+from fitting_core.ground.contacts import FOOT_POINTS, PARTS
 from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.priors.latent import LatentPrior
 from fitting_core.priors.pose import PRIORS
@@ -127,9 +128,9 @@ def with_positions(stages: Stages, seed: int = 0) -> Stages:
     seen = o.confidence > 0
     seen[:, [kp.INDEX["right_elbow"], kp.INDEX["right_wrist"]]] = False
     deviations[..., :2][seen] = torch.inf
-    held = torch.full_like(o.confidence, torch.inf)
-    held[1:, kp.INDEX["right_heel"]] = held[: len(held) - 1, kp.INDEX["left_big_toe"]] = 0.02
-    place = position + torch.tensor([0.0, 0.0, 3.0]).to(position)
+    held = torch.full_like(o.held_position_deviation, torch.inf)
+    held[1:, 1, PARTS.index("heel")] = held[: len(held) - 1, 0, PARTS.index("big_toe")] = 0.02
+    place = position[:, FOOT_POINTS] + torch.tensor([0.0, 0.0, 3.0]).to(position)
     known = replace(o, relative_position=position, relative_position_deviation=deviations)
     known = replace(known, held_position=place, held_position_deviation=held)
     return replace(stages, observations=known)

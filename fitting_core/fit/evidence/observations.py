@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Int8
 from torch import Tensor
 
 from fitting_core import keypoints as kp
@@ -20,7 +20,7 @@ from fitting_core.ground.contacts import FOOT_POINTS, Contacts
 from fitting_core.ground.gravity import RolledView, rolled_views, told_gravity
 from fitting_core.image_border import cut_off, seen_confidence
 from fitting_core.keypoint_noise import keypoint_weights
-from fitting_core.keypoints import COUNT, SEEN, Keypoints
+from fitting_core.keypoints import SEEN, Keypoints
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
 
 ACCURACY = 0.01
@@ -29,11 +29,12 @@ ACCURACY = 0.01
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stances:
-    """Keypoints held in still space (see `CameraPath`), relative to the camera of each frame."""
+    """Points of the feet, as in FOOT_POINTS, held in still space (see `CameraPath`), relative to the camera of each
+    frame."""
 
-    position: Float[np.ndarray, "T 137 3"]
+    position: Float[np.ndarray, "T 2 4 3"]
     """Metres."""
-    deviation: Float[np.ndarray, "T 137"]
+    deviation: Float[np.ndarray, "T 2 4"]
     """Metres; infinite where nothing is held."""
 
 
@@ -51,12 +52,11 @@ def stances(
         camera: Of the clip.
         accuracy: Standard deviation of a standing foot's motion, metres.
     """
-    position = np.zeros((len(feet), COUNT, 3))
-    deviation = np.full((len(feet), COUNT), np.inf)
-    for foot, points in enumerate(FOOT_POINTS):
+    position, deviation = np.zeros(feet.shape), np.full(feet.shape[:3], np.inf)
+    for foot in range(len(FOOT_POINTS)):
         for run in runs_where(contacts.standing[:, foot]):
-            position[run.start : run.stop, points] = np.median(feet[run, foot], axis=0)
-            deviation[run.start : run.stop, points] = accuracy
+            position[run.start : run.stop, foot] = np.median(feet[run, foot], axis=0)
+            deviation[run.start : run.stop, foot] = accuracy
     return Stances(position=camera.from_still(position), deviation=deviation)
 
 
@@ -105,7 +105,7 @@ class Observations:
     """Pixels."""
     confidence: Float[Tensor, "T 137"]
     """Confidence of each detection times its keypoint's weight (`keypoint_noise`)."""
-    side: Float[Tensor, "T 137 2"]
+    side: Int8[Tensor, "T 137 2"]
     """See `cut_off`; 0 everywhere if the configuration treats detections at the border like any other."""
     seen: Bool[Tensor, "T 137"]
     """Keypoints located by the image."""
@@ -120,9 +120,9 @@ class Observations:
     lifter does not count."""
     depth_by_hand: Bool[Tensor, "T 137"]
     """Keypoints whose relative z was set by a person; the lifter does not count there."""
-    held_position: Float[Tensor, "T 137 3"]
-    """Held positions of the body's keypoints, metres in camera space."""
-    held_position_deviation: Float[Tensor, "T 137"]
+    held_position: Float[Tensor, "T 2 4 3"]
+    """Held positions of the feet, as in FOOT_POINTS, metres in camera space."""
+    held_position_deviation: Float[Tensor, "T 2 4"]
     """Their standard deviation, metres; infinite where nothing is held."""
     turn: Float[Tensor, "T 137 3"]
     """Joint rotations set by a person (`Keypoints.turn`); NaN elsewhere."""
@@ -161,10 +161,11 @@ class Observations:
                 swapped[swaps.get(name, []), pair] = True
         stated = keypoints.overruled
         side = cut_off(keypoints, camera) if config.one_sided_cut_off else np.zeros(keypoints.xy.shape, np.int8)
-        xy, confidence, sides = (
+        xy, confidence = (
             as_tensor(a, dtype=dtype, device=device)
-            for a in (keypoints.xy, np.where(stated, 0.0, keypoints.confidence), side)
+            for a in (keypoints.xy, np.where(stated, 0.0, keypoints.confidence))
         )
+        sides = torch.as_tensor(side, device=device)
         seen = (confidence > SEEN) & (sides == 0).all(-1)
         depth = as_tensor(keypoints.told_depth, dtype=dtype, device=device)
         by_hand, turn = depth.isfinite(), keypoints.turn
@@ -183,8 +184,8 @@ class Observations:
             relative_position=position,
             relative_position_deviation=deviation,
             depth_by_hand=by_hand,
-            held_position=xy.new_zeros(()).expand_as(position),
-            held_position_deviation=xy.new_tensor(torch.inf).expand_as(confidence),
+            held_position=xy.new_zeros(len(xy), *FOOT_POINTS.shape, 3),
+            held_position_deviation=xy.new_full((len(xy), *FOOT_POINTS.shape), torch.inf),
             turn=(
                 xy.new_tensor(torch.nan).expand_as(position)
                 if turn is None

@@ -42,7 +42,7 @@ class Data(Term):
         scale = context.camera.size[1] / config.robust_at_height if config.robust_at_height else 1.0
         fine = (i >= kp.HANDS.start)[:, None]
         rho = scale * torch.where(fine, config.robust_pixels_fine, config.robust_pixels).to(o.xy)
-        return Data(o.xy[:, i], looked.weight, o.side[:, i], rho)
+        return Data(o.xy[:, i], looked.weight, o.side[:, i].to(o.xy), rho)
 
     def errors(self, e: Estimate) -> Float[Tensor, "B N 2"]:
         """Pixels from the keypoints; 0 for satisfied one-sided ones, with the slope of the others.

@@ -16,6 +16,8 @@ from fitting_core.fit.terms.data import irls
 from fitting_core.fit.terms.entry import Entry, Kernel
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
+from fitting_core.ground.contacts import FOOT_POINTS
+from fitting_core.keypoints import COUNT
 
 _TOLD_WEIGHT = 6.0
 """Weight of a person's statement of depth, in every stage and configuration: the lifter's weight where it is used. An
@@ -113,11 +115,13 @@ class HeldPosition(_Positions):
     def of(context: TermContext, looked: UsedKeypoints, s: int) -> "HeldPosition | None":
         """Of the keypoints used, where they are held."""
         i, o, weight = looked.indices, context.observations, context.config.weights.held_position[s]
-        deviation = o.held_position_deviation[:, i, None].expand(-1, -1, 3)
-        if not weight or not bool(deviation.isfinite().any()):
+        if not weight or not bool(o.held_position_deviation.isfinite().any()):
             return None
+        place, spread = o.xy.new_zeros(len(o), COUNT, 3), o.xy.new_full((len(o), COUNT), torch.inf)
+        place[:, FOOT_POINTS], spread[:, FOOT_POINTS] = o.held_position, o.held_position_deviation
+        deviation = spread[:, i, None].expand(-1, -1, 3)
         rho = torch.where(deviation.isfinite(), _HELD_RHO * deviation, 1.0)
-        return HeldPosition(o.held_position[:, i], weight / deviation, rho)
+        return HeldPosition(place[:, i], weight / deviation, rho)
 
     def points(self, e: Estimate) -> Float[Tensor, "B N 3"]:
         """From the camera."""

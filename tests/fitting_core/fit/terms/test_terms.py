@@ -31,6 +31,7 @@ from fitting_core.fit.terms.temporal import Smoothness
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import Free, State
+from fitting_core.ground.contacts import FOOT_POINTS
 from tests.samples.scenes import (
     CAMERA,
     differentiated,
@@ -258,10 +259,10 @@ def held_position_by_hand(scene: Scene) -> list[float]:
     costs = []
     for b, frame in enumerate(FRAMES.tolist()):
         cost = 0.0
-        for i in np.flatnonzero(known.held_position_deviation[frame].isfinite().numpy()):
-            point = keypoint_in_camera(scene, b, int(i), vertices, joints)
+        for foot, part in known.held_position_deviation[frame].isfinite().nonzero().tolist():
+            point = keypoint_in_camera(scene, b, int(FOOT_POINTS[foot, part]), vertices, joints)
             assert point is not None
-            for error in (point - known.held_position[frame, i].numpy()) / 0.02:
+            for error in (point - known.held_position[frame, foot, part].numpy()) / 0.02:
                 cost += 17.0**2 * 30.0**2 * error**2 / (error**2 + 30.0**2)
         costs.append(cost)
     return costs
