@@ -73,18 +73,24 @@ class Runs:
             yield connection
         self.version = next(self._versions)
 
+    def _update(self, run: int, *, moment: bool = True, **values: object) -> None:
+        """Change a run's row, with new values by column; `moment` says whether its `Run.moment` is a new one."""
+        columns = [*(f"{column} = ?" for column in values), *[f"moment = {_NEXT}"] * moment]
+        with self._writing() as connection:
+            connection.execute(f"UPDATE runs SET {', '.join(columns)} WHERE id = ?", (*values.values(), run))
+
     def recover(self) -> None:
         """Clean up after a crashed process. Only for the holder of the project's lock. Raises InputError if the project
         cannot be written."""
         with self._database.transaction() as connection:
             connection.execute(
                 f"UPDATE runs SET state = 'interrupted', ended = ?, moment = {_NEXT} WHERE state = 'running'",
-                (_now().isoformat(),),
+                (_now(),),
             )
         rows = self._database.rows("SELECT id, kind, deleted FROM runs")
         for row in rows:
             if row["kind"] == "corrections" and row["deleted"] and self.changes(row["id"]).hidden_earlier:
-                self._set_deleted(row["id"], None)
+                self._update(row["id"], moment=False, deleted=None)
         known = {path.name for row in rows for path in (self._path(row["id"]), self._partial_path(row["id"]))}
         with accessing(self._folder):
             self._folder.mkdir(exist_ok=True)
@@ -128,7 +134,7 @@ class Runs:
         """
         if parent is not None:
             self.get(parent)
-        now = _now().isoformat()
+        now = _now()
         row = {
             "name": checked_name(name) if name else "",
             "kind": kind,
@@ -239,7 +245,7 @@ class Runs:
         """
         self._expect(run, state)
         write_run(self._path(run), fit)
-        self._end(run, "finished", "", _summary(fit, summary))
+        self._update(run, state="finished", message="", summary=_summary(fit, summary), ended=_now())
         self.drop_partial(run)
         return self.get(run)
 
@@ -247,8 +253,7 @@ class Runs:
         """Add a change to a run of corrections; it is on disk when this returns. Raises InputError if the project
         cannot be written; the fit is unchanged then."""
         changes = self.changes(run)
-        with self._writing() as connection:  # first, because without the change it does no harm
-            connection.execute(f"UPDATE runs SET ended = ?, moment = {_NEXT} WHERE id = ?", (_now().isoformat(), run))
+        self._update(run, ended=_now())  # first, because without the change it does no harm
         change(changes)
         if oldest := changes.oldest():
             write_run(self._path(run), changes.put_into(self._read(run), oldest))  # twice is the same as once
@@ -263,39 +268,27 @@ class Runs:
         """Record that a run was cancelled or failed, and why; stored phases are kept. Raises InputError if it is not
         running, or the project cannot be written."""
         self._expect(run, "running")
-        # A message may contain a path that is not valid text.
-        self._end(run, state, message.encode(errors="replace").decode(), None)
+        message = message.encode(errors="replace").decode()  # a path in it may not be valid text
+        self._update(run, state=state, message=message, summary=None, ended=_now())
         return self.get(run)
-
-    def _end(self, run: int, state: RunState, message: str, summary: str | None) -> None:
-        with self._writing() as connection:
-            connection.execute(
-                f"UPDATE runs SET state = ?, message = ?, summary = ?, ended = ?, moment = {_NEXT} WHERE id = ?",
-                (state, message, summary, _now().isoformat(), run),
-            )
 
     def rename(self, run: int, name: str) -> None:
         """Rename a run; names are not file names, and may repeat. Raises InputError if the name is invalid, there is no
         such run, or the project cannot be written."""
         self.get(run)
-        with self._writing() as connection:
-            connection.execute("UPDATE runs SET name = ? WHERE id = ?", (checked_name(name), run))
+        self._update(run, moment=False, name=checked_name(name))
 
     def delete(self, run: int) -> None:
         """Remove a run from the list; `undelete` restores it, until `purge`. Raises InputError if it is running, there
         is no such run, or the project cannot be written."""
         if (found := self.get(run)).state == "running":
             raise InputError(f"{found.name} is running; cancel it first.")
-        self._set_deleted(run, _now().isoformat())
+        self._update(run, moment=False, deleted=_now())
 
     def undelete(self, run: int) -> None:
         """Restore a deleted run. Raises InputError if it is missing, or the project cannot be written."""
         self.get(run)
-        self._set_deleted(run, None)
-
-    def _set_deleted(self, run: int, when: str | None) -> None:
-        with self._writing() as connection:
-            connection.execute("UPDATE runs SET deleted = ? WHERE id = ?", (when, run))
+        self._update(run, moment=False, deleted=None)
 
     def purge(self) -> list[int]:
         """Remove all deleted runs permanently; returns their numbers, which are not reused. Raises InputError if the
@@ -444,8 +437,8 @@ def _figures(value: Any) -> dict[str, Any]:
     return json_of(dict[str, Any])(value)
 
 
-def _now() -> datetime:
-    return datetime.now(UTC)
+def _now() -> str:
+    return datetime.now(UTC).isoformat()
 
 
 def _summary(fit: FitResult, given: dict[str, Any] | None) -> str:

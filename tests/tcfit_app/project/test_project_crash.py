@@ -123,7 +123,7 @@ def _half_written(draft: Path, **_: object) -> None:
 
 DEATHS = {
     "while the result is written": (np, "savez", _half_written, 2),
-    "between file and database": (Runs, "_end", _die, 3),
+    "between file and database": (Runs, "_update", _die, 3),
 }
 
 
