@@ -172,14 +172,15 @@ def _edge(gestures: Gestures, *, first: bool) -> None:
 # --- what actions need ---
 
 
-def _some_key(g: Gestures) -> None:
-    if not g.tab.session.project.corrected.key[g.tab.state.frame].any():
-        raise InputError("No keypoint has a keyframe in this frame.")
+def _required(holds: Callable[[Gestures], object], otherwise: str) -> Need:
+    def check(g: Gestures) -> None:
+        if not holds(g):
+            raise InputError(otherwise)
+
+    return check
 
 
-def _bodies(g: Gestures) -> None:
-    if not g.tab.session.fits.runs:
-        raise InputError("There is no fit yet: fit everything first.")
+_bodies = _required(lambda g: g.tab.session.fits.runs, "There is no fit yet: fit everything first.")
 
 
 def _beside(g: Gestures) -> None:
@@ -194,37 +195,6 @@ def _two_fits(g: Gestures) -> None:
         raise InputError("There is only one fit, without an earlier pass: fit again or import another to compare.")
 
 
-def _picture(g: Gestures) -> None:
-    if g.tab.state.mode == "space":
-        raise InputError("3D has no picture for that: go to Edit (1) or Compare (2) first.")
-
-
-def _silhouettes(g: Gestures) -> None:
-    if g.tab.session.project.footage.silhouettes is None:
-        raise InputError("There is no silhouette: only keypoints detected by tcfit come with one.")
-
-
-def _others(g: Gestures) -> None:
-    if not g.tab.someone.others:
-        raise InputError("This project has only one person.")
-
-
-def _undoable(g: Gestures) -> None:
-    if g.tab.session.project.undoable is None:
-        raise InputError("There is nothing to undo.")
-
-
-def _redoable(g: Gestures) -> None:
-    if g.tab.session.project.redoable is None:
-        raise InputError("There is nothing to redo.")
-
-
-def _suspects(g: Gestures) -> None:
-    queue = g.reviewing.queue
-    if (queue is not None and not queue.left) or not g.tab.session.fits.showable():
-        raise InputError("There are no suspicious frames: either there is no fit yet, or all were reviewed.")
-
-
 NEEDS: dict[str, Need] = {
     "writable": lambda g: g.tab.refuse_read_only(),
     "keypoints": lambda g: g.tab.session.refuse_without_keypoints(),
@@ -235,7 +205,10 @@ NEEDS: dict[str, Need] = {
     "limbs": lambda g: limbs_of(g.correcting.selected()),
     "lockable": lambda g: g.depth.lockable(),
     "hand": lambda g: g.shaping.side(),
-    "some_key": _some_key,
+    "some_key": _required(
+        lambda g: g.tab.session.project.corrected.key[g.tab.state.frame].any(),
+        "No keypoint has a keyframe in this frame.",
+    ),
     "key": lambda g: keys_in(g.tab.session.project.corrected, g.correcting.selected(), g.tab.state.frame),
     "fit": lambda g: g.fitting.base(),
     "bodies": _bodies,
@@ -243,14 +216,22 @@ NEEDS: dict[str, Need] = {
     "two_fits": _two_fits,
     "finished": lambda g: g.reviewing.refuse_unfinished(),
     "settings": lambda g: g.fitting.refuse_wrong_settings(),
-    "picture": _picture,
-    "silhouettes": _silhouettes,
-    "others": _others,
+    "picture": _required(
+        lambda g: g.tab.state.mode != "space", "3D has no picture for that: go to Edit (1) or Compare (2) first."
+    ),
+    "silhouettes": _required(
+        lambda g: g.tab.session.project.footage.silhouettes is not None,
+        "There is no silhouette: only keypoints detected by tcfit come with one.",
+    ),
+    "others": _required(lambda g: g.tab.someone.others, "This project has only one person."),
     "listed": lambda g: g.reviewing.refuse_without_list(),
-    "suspects": _suspects,
+    "suspects": _required(
+        lambda g: (g.reviewing.queue is None or g.reviewing.queue.left) and g.tab.session.fits.showable(),
+        "There are no suspicious frames: either there is no fit yet, or all were reviewed.",
+    ),
     "detector": lambda g: g.again.refuse(),
-    "undoable": _undoable,
-    "redoable": _redoable,
+    "undoable": _required(lambda g: g.tab.session.project.undoable, "There is nothing to undo."),
+    "redoable": _required(lambda g: g.tab.session.project.redoable, "There is nothing to redo."),
     **{f"export_{name}": lambda g, name=name: g.exporting.refuse(name) for name in exports()},
 }
 """By the names in rows of actions and of TabState. `joints` are selected in the clip's picture, `any_joints` also in
@@ -455,14 +436,7 @@ _FAMILIES = {
 }
 _FAMILY = {name: family for family, names in _FAMILIES.items() for name in names}
 _REPEATING = {
-    "previous",
-    "next",
-    "previous10",
-    "next10",
-    "fainter",
-    "denser",
-    "undo",
-    "redo",
+    *"previous next previous10 next10 fainter denser undo redo".split(),
     *(_nudge(name, pixels) for name in _WAYS for pixels in _NUDGES),
 }
 _GROUPS = {
