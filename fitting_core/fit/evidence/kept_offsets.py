@@ -42,14 +42,17 @@ def with_kept(
     Args:
         kept: the later of two holds where both do.
         points: relative to the pelvis, metres in camera axes.
-        deviation: standard deviation of their z, metres.
+        deviation: standard deviation of their z, metres; infinite where unknown.
     """
     moved, deviations = points.copy(), np.repeat(deviation[..., None], 3, axis=-1)
     axes = _trunk_axes(points) if kept else None
     for one in kept:
         if axes is None or not one.depths:
             continue
-        k, frames, at = one.keypoint, np.array(one.frames), np.array(sorted(one.depths))
+        k, frames = one.keypoint, np.array(one.frames)
+        at = np.array([frame for frame in sorted(one.depths) if np.isfinite(deviation[frame, k])], int)
+        if not len(at):
+            continue
         gap = np.array([one.depths[frame] for frame in at.tolist()]) - points[at, k, 2]
         variance = deviation[at, k] ** 2
         noise = (1 - _LASTING) * variance + STATED**2

@@ -218,16 +218,23 @@ class Observations:
         return replace(self, xy=xy, relative_position=position, relative_position_deviation=deviations)
 
     def viewed(self, found: PointsInSpace, *, size: float = 1.0) -> "Observations":
-        """With points that other views locate, except where a person set depths.
+        """With points that other views locate, moved by kept offsets, except where a person set depths.
 
         Args:
             found: of this clip.
             size: as in `lifted`.
         """
-        deviation = torch.as_tensor(size * found.deviation).to(self.xy)
+        located, spread = size * found.points, size * found.deviation
+        if self.keypoints.kept:
+            # The trunk's axes are needed in all frames, also where no view locates it.
+            whole = np.where(np.isfinite(spread), located, self.relative_position.numpy(force=True))[:, kp.BODY]
+            moved, widened = with_kept(self.keypoints.kept, whole, spread[:, kp.BODY, 2])
+            kept = (moved != whole).any(-1, keepdims=True)
+            located[:, kp.BODY], spread[:, kp.BODY] = moved, np.where(kept, widened, spread[:, kp.BODY])
+        deviation = torch.as_tensor(spread).to(self.xy)
         deviation[..., 2].masked_fill_(self.depth_by_hand, torch.inf)
         known = deviation.isfinite()
-        points = torch.as_tensor(size * found.points).to(self.xy)
+        points = torch.as_tensor(located).to(self.xy)
         outvoted = torch.as_tensor(found.outvoted).to(self.xy.device)
         return replace(
             self,

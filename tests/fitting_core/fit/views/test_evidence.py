@@ -144,6 +144,20 @@ def test_a_fit_takes_them_in_place_of_the_lifter(free_body: BodyModel) -> None:
     assert both.relative_position[5, WRIST, 2] == pytest.approx(0.3), "a person's statement of depth stays"
 
 
+def test_kept_offsets_move_them_too(free_body: BodyModel) -> None:
+    """By about half of what was stated, because they are located within 2 cm or so."""
+    clip, located = pair(), points_in_space(pair())
+    at = (5, 25)
+    depths = {frame: located.points[frame, WRIST, 2] + 0.04 for frame in at}
+    offset = kp.KeptOffset(keypoint=WRIST, frames=tuple(range(len(clip))), depths=depths)
+    clip = replace(clip, keypoints=replace(clip.keypoints, kept=(offset,)))
+    kept = Stages.of_clip(clip, free_body, PRESETS["tcfit"]).observations.relative_position.numpy()
+    moved = kept - located.points
+    assert (moved[:, WRIST, 2] > 0.01).all() and (moved[:, WRIST, 2] < 0.04).all()
+    others = np.isfinite(located.deviation) & (np.arange(kp.COUNT) != WRIST)[:, None]
+    assert not moved[others].any()
+
+
 def test_a_fit_without_the_lifter_says_that_views_do_not_count(free_body: BodyModel) -> None:
     clip, config = pair(), replace(PRESETS["tcfit"], last_phase=1, relay_rounds=0, limb_flips=False)
     clip = replace(clip, keypoints=clip.keypoints[:2])
