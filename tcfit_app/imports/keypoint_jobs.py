@@ -68,10 +68,25 @@ class ImportFiles:
     def run(self, clip: Clip, report: ProgressReport) -> FoundKeypoints:
         """See `KeypointJob.run`."""
         from fitting_core.clips.reading import read_keypoints
+        from fitting_core.video.sampled import SampledPictures
 
         report(f"Reading {self.path.name}", None)
         keypoints, notes, detector = read_keypoints(self.path, clip)
-        return FoundKeypoints(keypoints=keypoints, notes=notes, detector=detector)
+        pictures = None if clip.source is None else SampledPictures(clip.source, _frames(clip), clip.camera)
+        camera = _camera(clip, keypoints, pictures)
+        return FoundKeypoints(keypoints=keypoints, notes=notes, detector=detector, camera=camera)
+
+
+def _frames(clip: Clip) -> range:
+    return range(clip.first_frame, clip.first_frame + len(clip))
+
+
+def _camera(clip: Clip, keypoints: Keypoints, pictures: "SampledPictures | None") -> Camera:
+    """The clip's camera, with what its pictures and these keypoints tell of it."""
+    from fitting_core.ground.from_pictures import camera_from_pictures
+
+    guessed = clip.camera.focal_from is FocalFrom.DIAGONAL
+    return camera_from_pictures(clip.camera, keypoints, clip.frame_rate, pictures, estimate=guessed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +136,7 @@ class Detect:
             raise InputError("The project's video is missing: relink it, or import keypoints.")
         report("Opening the detector", None)
         detector = find_detector(self.detector)
-        frames = range(clip.first_frame, clip.first_frame + len(clip))
+        frames = _frames(clip)
         pictures = SampledPictures(clip.source, frames, clip.camera)
         with FrameSource(clip.source, on_frame=pictures.take) as source:
             detection = Detection(source=source, frames=frames, detector=detector)
@@ -137,7 +152,6 @@ class Detect:
 
     def _chosen(self, found: "Detected", clip: Clip, pictures: "SampledPictures") -> FoundKeypoints:
         from fitting_core.detect.found import found_detections, silhouettes_of, with_somebody
-        from fitting_core.ground.from_pictures import camera_from_pictures
         from fitting_core.lens import straightened_keypoints
         from fitting_core.people.person import choose_person
 
@@ -149,13 +163,12 @@ class Detect:
             detections, person=person, seen=seen, first_frame=clip.first_frame, frame_rate=clip.frame_rate
         )
         keypoints, of_lens = straightened_keypoints(choice.keypoints, clip.camera.lens)
-        guessed = clip.camera.focal_from is FocalFrom.DIAGONAL
         return FoundKeypoints(
             keypoints=keypoints,
             notes=(*detections.notes, *([choice.note] if choice.note else []), *of_lens),
             detector=found.points,
             silhouettes=silhouettes_of(found, choice.entries),
-            camera=camera_from_pictures(clip.camera, keypoints, clip.frame_rate, pictures, estimate=guessed),
+            camera=_camera(clip, keypoints, pictures),
         )
 
     def _seen(self, found: "Detected") -> tuple[int, int] | None:

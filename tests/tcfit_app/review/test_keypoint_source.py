@@ -12,7 +12,7 @@ import pytest
 import viser
 
 from fitting_core.body.model import BodyModel
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, FocalFrom
 from fitting_core.clip import Clip
 from fitting_core.detect import known_models, stored
 from fitting_core.detect.detectors import DEFAULT, DETECTORS
@@ -89,6 +89,7 @@ def test_keypoints_of_this_computer(session: Session, files: Path):
     assert session.project.has_detections and session.project.keypoints_version > edits
     assert np.array_equal(session.project.detections.xy, imported_xy())
     assert session.project.clip.detector == "openpose"
+    assert session.project.clip.camera.focal_from is FocalFrom.ESTIMATED, "as with keypoints that are detected"
     assert told(session)[-1].kind == "done"
     with pytest.raises(InputError, match="already has keypoints"):
         session.source.begin(ImportFiles(path=files))
