@@ -213,10 +213,13 @@ def described(clip: Clip) -> list[str]:
     """Length, keypoints and camera, as lines for the user."""
     camera = clip.camera
     frames = f"frames {clip.first_frame}–{clip.first_frame + len(clip) - 1}, {clip.frame_rate:g} fps"
+    focal = f"{camera.focal[0]:.1f} px: {camera.source}"
+    if camera.focal_from is FocalFrom.DIAGONAL and not (clip.keypoints.confidence > 0).any():
+        focal = "estimated once there are keypoints"
     return [
         f"Clip {clip.name}: {frames}, {camera.size[0]} x {camera.size[1]} pixels",
         *_keypoints(clip),
-        f"Focal length {camera.focal[0]:.1f} px: {camera.source}",
+        f"Focal length {focal}",
         *([] if camera.vertical is None else [str(camera.vertical).capitalize()]),
         *([] if camera.lens is None else ["Lens distortion is removed from keypoints and pictures"]),
         *([] if camera.world is None else [_place(camera.world, moves=camera.path is not None)]),
