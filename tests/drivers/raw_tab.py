@@ -5,7 +5,7 @@ import re
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +16,9 @@ import zstandard
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-PATIENCE = 10.0
+from tests.drivers import waiting
+
+PATIENCE = 30.0
 """Seconds after which a test gives up."""
 _CONNECT = re.compile(r'tcfit\.connect\("([^"]+)"')
 _CURSOR = re.compile(r'tcfit\.receive\("cursor", \{"frame":(\d+)')
@@ -98,6 +100,8 @@ def camera(**changes: object) -> dict[str, Any]:
 class RawTab:
     """One that has connected; it reads all the time."""
 
+    until = staticmethod(waiting.until)
+
     def __init__(self, connection: ClientConnection) -> None:
         self.connection = connection
         self.field: str | None = None
@@ -171,13 +175,6 @@ class RawTab:
         known = -1
         while known != (known := len(self.messages)):
             time.sleep(1.0)
-
-    def until(self, condition: Callable[[], object]) -> None:
-        """Wait for something."""
-        end = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < end, "waited too long"
-            time.sleep(0.002)
 
 
 @contextmanager

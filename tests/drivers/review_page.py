@@ -1,7 +1,6 @@
 """The whole review app in a real browser, for tests: served from a thread of this process."""
 
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -20,6 +19,7 @@ from tcfit_app.review.browser.channel import web_files
 from tcfit_app.review.page import Page
 from tcfit_app.review.session.session import Session
 from tcfit_app.server.serving import ReviewServer, review_server
+from tests.drivers.waiting import until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator
@@ -37,15 +37,6 @@ PATIENCE = 60.0
 """Seconds after which a test gives up."""
 _HARMLESS = ("WebGL", "GPU", "THREE.Clock", "GL Driver")
 """Console messages of the browser and of viser's libraries that say nothing about the app."""
-
-
-def until(condition: Callable[[], Any], what: str = "") -> Any:
-    """Wait for something to be so; what it is."""
-    end = time.monotonic() + PATIENCE
-    while not (found := condition()):
-        assert time.monotonic() < end, f"waited too long for {what or condition}"
-        time.sleep(0.02)
-    return found
 
 
 @dataclass

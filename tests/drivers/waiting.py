@@ -10,5 +10,5 @@ def until(condition: Callable[[], Any], what: str = "", *, seconds: float = 120.
     end = time.monotonic() + seconds
     while not (found := condition()):
         assert time.monotonic() < end, f"waited too long for {what or condition}"
-        time.sleep(0.005)
+        time.sleep(0.01)
     return found

@@ -24,18 +24,9 @@ def contacts_before_fit(
     camera: Camera,
     frame_rate: float,
 ) -> Contacts:
-    """Contacts from keypoints and the lifter alone.
-
-    Args:
-        xy: Pixels, the first 25 of K are BODY_25.
-        confidence: 0 for what is not seen or cut off by the image.
-        lifted: What the lifter says of them.
-        gravity: Of the clip.
-        camera: Of the clip.
-        frame_rate: Frames per second.
-    """
-    placed = camera.to_still(lifted.points + pelvis_positions(xy, confidence, lifted, camera, frame_rate)[:, None])
-    return contacts_of(xy, confidence, lifted, gravity, camera, frame_rate, placed[:, FOOT_POINTS])
+    """Contacts from keypoints and the lifter alone; arguments as for `grounding_before_fit`."""
+    feet = _feet(xy, confidence, lifted, camera, frame_rate)
+    return contacts_of(xy, confidence, lifted, gravity, camera, frame_rate, feet)
 
 
 def grounding_before_fit(
@@ -57,7 +48,10 @@ def grounding_before_fit(
         frame_rate: Frames per second.
         rolled: As for `grounding_of`.
     """
-    placed = camera.to_still(lifted.points + pelvis_positions(xy, confidence, lifted, camera, frame_rate)[:, None])
-    return grounding_of(
-        xy, confidence, lifted, camera, frame_rate, feet=placed[:, FOOT_POINTS], soles=USUAL_SOLES, rolled=rolled
-    )
+    feet = _feet(xy, confidence, lifted, camera, frame_rate)
+    return grounding_of(xy, confidence, lifted, camera, frame_rate, feet=feet, soles=USUAL_SOLES, rolled=rolled)
+
+
+def _feet(xy: np.ndarray, confidence: np.ndarray, lifted: LiftedClip, camera: Camera, frame_rate: float) -> np.ndarray:
+    middle = pelvis_positions(xy, confidence, lifted, camera, frame_rate)[:, None]
+    return camera.to_still(lifted.points + middle)[:, FOOT_POINTS]

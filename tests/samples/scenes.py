@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core import keypoints as kp
@@ -19,15 +20,23 @@ from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import keypoint_points
 from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
-from fitting_core.config.schema import FitConfig
+from fitting_core.config.schema import FitConfig, SolverSettings, Weights
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.variables.state import Parametrisation, State
 from fitting_core.ground.contacts import FOOT_POINTS, PARTS
 from fitting_core.keypoints import COUNT, Keypoints
+from fitting_core.lifting.clip_lifting import LiftedClip
 from fitting_core.priors.latent import LatentPrior
 from fitting_core.priors.pose import PRIORS
 from tests.fitting_core.priors.networks import random_network
 
+QUICK = FitConfig(
+    pose_prior="axis_angle",
+    weights=replace(Weights(), collision=(0.0,) * 5),
+    hip_weight=1.0,
+    settings=SolverSettings(iterations=12),
+)
+"""A fit in few steps, without collisions, and with a prior that holds every pose exactly."""
 CAMERA = Camera(focal=(900.0, 940.0), center=(410.0, 395.0), size=(800, 800))
 FACING = torch.tensor([torch.pi, 0.0, 0.0], dtype=torch.float64)
 """Axis-angle of a body that stands upright and looks into the camera."""
@@ -111,6 +120,23 @@ def random_state(parametrisation: Parametrisation, frames: int, seed: int = 0) -
     vector[:, c.jaw], vector[:, c.expression] = params.jaw_pose, params.expression
     vector[:, c.translation], vector[:, c.betas] = params.camera_translation, params.betas
     return State(rotations.exp(params.global_orient), vector)
+
+
+def let_lift(
+    patch: pytest.MonkeyPatch, points: np.ndarray, deviation: float | np.ndarray = 0.1
+) -> list[Float[np.ndarray, "T K"]]:
+    """Let the lifter say this of all clips: points (25, 3) or (T, 25, 3), and how sure it is; what confidences it is
+    asked with."""
+    asked: list[np.ndarray] = []
+
+    def lift(xy: np.ndarray, confidence: np.ndarray, *_: object, **__: object) -> LiftedClip:
+        asked.append(confidence)
+        shape = len(xy), 25
+        said = np.broadcast_to(points, (*shape, 3)).copy(), np.broadcast_to(deviation, shape).copy()
+        return LiftedClip(*said, np.zeros((len(xy), 3)), np.zeros((len(xy), 2)))
+
+    patch.setattr("fitting_core.fit.evidence.observations.lift", lift)
+    return asked
 
 
 def with_positions(stages: Stages, seed: int = 0) -> Stages:

@@ -52,6 +52,15 @@ def imported_xy() -> np.ndarray:
     return np.array([place(t) for t in range(FRAMES)])[:, None] + around
 
 
+def two_people(frame: int) -> np.ndarray:
+    """What a detector finds: a large one who walks, and a small one at the side."""
+    points = np.zeros((2, COUNT, 3))
+    for who, (middle, size) in enumerate(((nose(frame), 30.0), ((20.0, 60.0), 12.0))):
+        around = np.random.default_rng(who).uniform(-1, 1, (25, 2))
+        points[who, :25] = np.column_stack([around * size + middle, np.full(25, 0.9)])
+    return points
+
+
 def keypoint_files(folder: Path) -> Path:
     """These positions as OpenPose JSON."""
     keypoints = Keypoints(xy=imported_xy(), confidence=np.full((FRAMES, COUNT), 0.75))

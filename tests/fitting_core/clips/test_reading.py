@@ -8,8 +8,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
 
 from fitting_core.clip import Clip
@@ -18,23 +16,9 @@ from fitting_core.clips.reading import read_clip, read_keypoints
 from fitting_core.errors import InputError
 from fitting_core.video.frames import FrameSource
 from tests.samples.clip_options import as_options
+from tests.samples.media import write_images
 
 SIZE = (320, 240)
-
-
-@pytest.fixture
-def video(tmp_path: Path) -> Callable[..., Path]:
-    """video(count, name="walk.avi"): a grey video of 320 x 240, 25 frames per second."""
-
-    def write(count: int, name: str = "walk.avi") -> Path:
-        path = tmp_path / name
-        writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, SIZE)
-        for _ in range(count):
-            writer.write(np.full((SIZE[1], SIZE[0], 3), 90, dtype=np.uint8))
-        writer.release()
-        return path
-
-    return write
 
 
 @pytest.fixture
@@ -87,9 +71,7 @@ def test_keypoints_that_do_not_match_the_video(video, walk, numbers, expected, n
 
 def test_images_are_matched_by_their_names(tmp_path, write_people, figure):
     """SMPLify-X layout, with names that are no numbers of one clip, and an image without keypoints."""
-    for name in ("b_7.png", "a.jpg", "c_3.png"):
-        (tmp_path / "images").mkdir(exist_ok=True)
-        cv2.imwrite(str(tmp_path / "images" / name), np.zeros((240, 320, 3), dtype=np.uint8))
+    write_images(tmp_path / "images", "b_7.png", "a.jpg", "c_3.png", size=SIZE)
     write_people({"c_3": [figure(103, 120, height=100)], "a": [figure(101, 120, height=100)]})
     clip = read_clip(tmp_path)
     assert neck_numbers(clip) == [1, None, 3]
@@ -101,10 +83,8 @@ def test_images_are_matched_by_their_names(tmp_path, write_people, figure):
 @pytest.mark.parametrize("numbers, expected", [([3, 4], [None, 3, 4]), ([1, 2], [None, 1, 2]), ([4, 6], [4, None, 6])])
 def test_images_are_matched_by_their_numbers(tmp_path, walk, numbers, expected):
     """Images 2 to 4 beside files of another name: their numbers count if the images have them all."""
-    for number in (2, 3, 4):
-        (tmp_path / "images").mkdir(exist_ok=True)
-        cv2.imwrite(str(tmp_path / "images" / f"shot_{number}.png"), np.zeros((240, 320, 3), dtype=np.uint8))
-    clip = read_clip(tmp_path / "images", walk(numbers))
+    images = write_images(tmp_path / "images", *(f"shot_{number}.png" for number in (2, 3, 4)), size=SIZE)
+    clip = read_clip(images, walk(numbers))
     assert neck_numbers(clip) == expected
     assert ("by the numbers in the images' names" in alignment_note(clip)) == (numbers == [3, 4])
 
@@ -123,10 +103,8 @@ WITH_GAPS = {
 @pytest.mark.parametrize("name, images, files, expected, note", WITH_GAPS.values(), ids=WITH_GAPS)
 def test_images_with_gaps_in_their_numbers(tmp_path, walk, name, images, files, expected, note):
     """Each image gets the keypoints of its own frame; those that have no image are named."""
-    (tmp_path / "images").mkdir()
-    for number in images:
-        cv2.imwrite(str(tmp_path / "images" / f"{name}_{number}.png"), np.zeros((240, 320, 3), dtype=np.uint8))
-    clip = read_clip(tmp_path / "images", walk(files))
+    folder = write_images(tmp_path / "images", *(f"{name}_{number}.png" for number in images), size=SIZE)
+    clip = read_clip(folder, walk(files))
     assert neck_numbers(clip) == expected
     assert note in alignment_note(clip) and bool(note) == bool(alignment_note(clip))
 

@@ -25,21 +25,6 @@ Fake = Callable[..., FakeDetector]
 
 
 @pytest.fixture
-def video(tmp_path: Path) -> Callable[[int], Path]:
-    """video(count): a grey video of 320 x 240, 25 frames per second."""
-
-    def write(count: int) -> Path:
-        path = tmp_path / "walk.avi"
-        writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, SIZE)
-        for t in range(count):
-            writer.write(np.full((SIZE[1], SIZE[0], 3), 40 + t, dtype=np.uint8))
-        writer.release()
-        return path
-
-    return write
-
-
-@pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> Fake:
     """fake(people): the detector that is taken where nobody names one finds these."""
 

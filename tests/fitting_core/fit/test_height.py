@@ -11,7 +11,7 @@ from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.clip import Clip
-from fitting_core.config.schema import PRESETS, FitConfig, SolverSettings, Weights
+from fitting_core.config.schema import PRESETS, SolverSettings
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.plausibility import other_height, small_adult
 from fitting_core.fit.refitting import refit
@@ -23,15 +23,9 @@ from fitting_core.results.given_start import KnownShape
 from fitting_core.shipped import FREE_FOLDER
 from tests.samples.posed_clips import clip_of as posed_clip
 from tests.samples.posed_clips import motion
-from tests.samples.scenes import CAMERA, keypoints_of, likeliest_shape, random_params
+from tests.samples.scenes import CAMERA, QUICK, keypoints_of, likeliest_shape, random_params
 
-CONFIG = FitConfig(
-    pose_prior="axis_angle",
-    weights=replace(Weights(), collision=(0.0,) * 5),
-    hip_weight=1.0,
-    settings=SolverSettings(iterations=30),
-    last_phase=2,
-)
+CONFIG = replace(QUICK, settings=SolverSettings(iterations=30), last_phase=2)
 LIFTED = replace(PRESETS["tcfit"], relay_rounds=0, limb_flips=False)
 
 
@@ -90,7 +84,7 @@ def test_a_height_scales_body_and_distance_and_leaves_picture_and_pose(
     clip = posed_clip(motion(6))
     sized = fit_clip(clip, free_body, replace(LIFTED, height=height))
     for phase in (2, 3):
-        before, after = (fit.phase(phase).params for fit in (of_any_height, sized))
+        before, after = (fit.phase(phase).params for fit in (of_any_height, sized))  # pyright: ignore[reportOptionalMemberAccess]
         ratio = float(height / 100 / height_of(free_body, before.betas[0].numpy()))
         assert height_of(free_body, after.betas.numpy()) == pytest.approx(height / 100)
         joints, scaled = (joints_in_space(free_body, each)[:, :22] for each in (before, after))

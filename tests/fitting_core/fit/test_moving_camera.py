@@ -9,19 +9,18 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.camera import CameraPath, path_of
-from fitting_core.config.schema import FitConfig, SolverSettings, Temporal, Weights
+from fitting_core.config.schema import SolverSettings, Temporal
 from fitting_core.fit.events import drained
 from fitting_core.fit.fitting import fit_clip, rerun_events
 from fitting_core.fit.stages import Stages
 from fitting_core.io.motion.imported_motion import from_still
 from fitting_core.metrics import jitter
+from tests.samples import scenes
 from tests.samples.scenes import CAMERA, arms_in_motion, clip_of, hidden, keypoints_of
 
 FRAMES = 4
-QUICK = FitConfig(
-    pose_prior="axis_angle",
-    weights=replace(Weights(), collision=(0.0,) * 5),
-    hip_weight=1.0,
+QUICK = replace(
+    scenes.QUICK,
     settings=SolverSettings(iterations=10),
     temporal=Temporal(mode="global", space="camera", stages=(5,), weight=2000.0),
 )

@@ -19,7 +19,7 @@ from tcfit_app.exports.blender import running
 from tcfit_app.exports.exporting import write_export
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import EXPORTS
-from tests.drivers.review_page import until
+from tests.drivers.waiting import until
 from tests.fitting_core.io.motion.motions import meshes, swinging
 from tests.tcfit_app.conftest import FinishedRun
 

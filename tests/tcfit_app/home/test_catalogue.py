@@ -159,8 +159,8 @@ def test_a_thousand_projects(tmp_path: Path):
     Project.create(first, sample_clip()).close()
     for number in range(1, 1000):
         shutil.copytree(first, tmp_path / "corpus" / f"set{number % 20}" / f"c{number:04}.tcfit")
-    before, begun = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.monotonic()
+    before, begun = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
     catalogue = Catalogue(tmp_path / "corpus")
     assert len(catalogue.refresh()[0]) == 1000
-    assert time.monotonic() - begun < 10.0, "3 s on a computer that does nothing else"
+    assert time.process_time() - begun < 10.0, "3 s on a computer that does nothing else"
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 30 << 10, "kilobytes"

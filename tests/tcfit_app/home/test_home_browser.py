@@ -9,7 +9,7 @@ import pytest
 from fitting_core.body.model import BodyModel
 from tcfit_app.project.glance import glance
 from tcfit_app.project.project import Project
-from tests.drivers.review_page import until
+from tests.drivers.waiting import until
 from tests.tcfit_app.home.lists import folder_of_clips
 from tests.tcfit_app.home.test_home import Served, served
 

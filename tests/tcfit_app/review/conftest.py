@@ -9,6 +9,7 @@ import pytest
 from fitting_core.body.model import BodyModel
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.project.project import Project
+from tcfit_app.review.browser.page_events import Hello
 from tcfit_app.review.session.session import Session
 from tests.drivers.lone_page import LonePage, sample_project
 from tests.drivers.review_page import QUICK
@@ -37,3 +38,11 @@ def fitted_page(fitted_walk: Path, tmp_path: Path, tiny_body: BodyModel, page_of
 def sample_page(page_of: Callable[..., LonePage], tmp_path: Path) -> LonePage:
     """A page of a sample project with one run."""
     return page_of(sample_project(tmp_path / "walk.tcfit", "first"))
+
+
+@pytest.fixture
+def tested(fitted_page: LonePage) -> LonePage:
+    """A page of a project of the tiny body, with a fit and no panels, that has told its size."""
+    fitted_page.only()
+    fitted_page.page.receive(Hello("me", 1000, 700))
+    return fitted_page

@@ -11,7 +11,8 @@ import pytest
 
 from fitting_core.keypoints import INDEX
 from tcfit_app.review.panels import PANELS
-from tests.drivers.review_page import Reviewing, reviewing, until
+from tests.drivers.review_page import Reviewing, reviewing
+from tests.drivers.waiting import until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

@@ -14,7 +14,8 @@ from fitting_core.keypoints import FINGER_JOINTS, INDEX, NAMES
 from fitting_core.measure.hands.handshapes import HandshapeSet, finger_bones
 from tcfit_app.review.panels import PANELS
 from tests.drivers.page_tab import GUTTER, MARGIN
-from tests.drivers.review_page import Reviewing, reviewing, until
+from tests.drivers.review_page import Reviewing, reviewing
+from tests.drivers.waiting import until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

@@ -36,7 +36,16 @@ from tests.drivers.review_page import QUICK
 from tests.flows.disk import disk
 from tests.samples.fake_detector import FakeDetector, known
 from tests.samples.sessions import session_of, told, until
-from tests.samples.spot_clips import FRAMES, empty_project, imported_xy, keypoint_files, nose, spot_model, spot_video
+from tests.samples.spot_clips import (
+    FRAMES,
+    empty_project,
+    imported_xy,
+    keypoint_files,
+    nose,
+    spot_model,
+    spot_video,
+    two_people,
+)
 
 
 @pytest.fixture(scope="session")
@@ -93,16 +102,6 @@ def test_keypoints_of_this_computer(session: Session, files: Path):
     assert told(session)[-1].kind == "done"
     with pytest.raises(InputError, match="already has keypoints"):
         session.source.begin(ImportFiles(path=files))
-
-
-def two_people(frame: int) -> np.ndarray:
-    """A large one who walks, and a small one at the side."""
-    points = np.zeros((2, COUNT, 3))
-    x, y = nose(frame)
-    for place, (middle, size) in enumerate((((x, y), 30), ((20.0, 60.0), 12))):
-        around = np.random.default_rng(place).uniform(-1, 1, (25, 2))
-        points[place, :25] = np.column_stack([around * size + middle, np.full(25, 0.9)])
-    return points
 
 
 @pytest.fixture

@@ -35,7 +35,8 @@ from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.drawing_data import DrawingData, FrameBody
 from tcfit_app.server.serving import review_server
 from tests.drivers.lone_page import sample_project
-from tests.drivers.review_page import PATIENCE, opened, reviewing, until
+from tests.drivers.review_page import PATIENCE, opened, reviewing
+from tests.drivers.waiting import until
 from tests.samples.posed_clips import shipped_body
 from tests.samples.project_samples import CONFIG, FRAMES, sample_clip
 from tests.samples.sessions import QUICK, OneBody, small_clip

@@ -27,7 +27,7 @@ from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
-from tcfit_app.review.browser.page_events import Drag, Hello, Key, Select
+from tcfit_app.review.browser.page_events import Drag, Key, Select
 from tcfit_app.review.panels.correct.correct_panel import CorrectPanel
 from tcfit_app.review.panels.fit.fit_panel import FitPanel
 from tcfit_app.review.scene.other_view import other_camera
@@ -37,7 +37,8 @@ from tcfit_app.review.shared import drawing_data
 from tcfit_app.review.tab.tab import Tab
 from tests.drivers.lone_page import LonePage
 from tests.drivers.raw_tab import RawTab, admitted, raw_tab
-from tests.drivers.review_page import serving, until
+from tests.drivers.review_page import serving
+from tests.drivers.waiting import until
 from tests.samples.scenes import arms_in_motion, clip_of
 from tests.samples.sessions import FRAMES, OneBody
 
@@ -73,11 +74,9 @@ def second_view(body: BodyModel) -> OtherView:
 
 
 @pytest.fixture
-def tested(fitted_page: LonePage) -> LonePage:
-    """A page of a project of the tiny body, with a fit."""
-    fitted_page.only(FitPanel, CorrectPanel)
-    fitted_page.page.receive(Hello("me", 1000, 700))
-    return fitted_page
+def tested(tested: LonePage) -> LonePage:
+    tested.only(FitPanel, CorrectPanel)
+    return tested
 
 
 def heard(tested: LonePage) -> dict[str, Any]:

@@ -7,7 +7,8 @@ import pytest
 
 from fitting_core.body.model import BodyModel
 from fitting_core.keypoints import INDEX
-from tests.drivers.review_page import Reviewing, opened, reviewed_people, serving, until
+from tests.drivers.review_page import Reviewing, opened, reviewed_people, serving
+from tests.drivers.waiting import until
 from tests.samples.people_projects import FRAMES, LATE, open_two, two_people
 
 if TYPE_CHECKING:

@@ -15,7 +15,8 @@ from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.session.session import Session
 from tcfit_app.server.serving import ReviewServer
-from tests.drivers.review_page import serving, until
+from tests.drivers.review_page import serving
+from tests.drivers.waiting import until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page

@@ -16,7 +16,8 @@ from fitting_core.keypoints import INDEX, PARTS
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import DetectAgain, Lock, SetDepth
 from tcfit_app.project.project import Project
-from tests.drivers.review_page import QUICK, Reviewing, opened, reviewing, until
+from tests.drivers.review_page import QUICK, Reviewing, opened, reviewing
+from tests.drivers.waiting import until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

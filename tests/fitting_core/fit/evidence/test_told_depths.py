@@ -18,9 +18,8 @@ from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.positions import RelativePosition
 from fitting_core.fit.variables.state import Free
 from fitting_core.keypoints import KeptOffset
-from fitting_core.lifting.clip_lifting import LiftedClip
 from tests.samples.posed_clips import clip_of, motion, shipped_body
-from tests.samples.scenes import finished
+from tests.samples.scenes import finished, let_lift
 
 FRAMES, FRAME = 9, 4
 SHOULDER, ELBOW, WRIST = (kp.INDEX[f"right_{n}"] for n in ("shoulder", "elbow", "wrist"))
@@ -89,12 +88,7 @@ def test_the_fit_follows_a_depth_in_every_preset(clip: Clip, params: BodyParams,
 
 def test_a_person_overrides_the_lifter(clip: Clip, params: BodyParams, monkeypatch: pytest.MonkeyPatch):
     """In depth alone, and in the told cells alone; and its word counts however far off the limb is."""
-
-    def lifted(xy: np.ndarray, *_: object, **__: object) -> LiftedClip:
-        points = np.full((len(xy), 25, 3), 0.3)
-        return LiftedClip(points, np.full((len(xy), 25), 0.1), np.zeros((len(xy), 3)), np.zeros((len(xy), 2)))
-
-    monkeypatch.setattr("fitting_core.fit.evidence.observations.lift", lifted)
+    let_lift(monkeypatch, np.full((25, 3), 0.3))
     said, config = told(clip, [FRAME], [WRIST], np.array(-0.5)), config_of("tcfit")
     stages = Stages.of(said.keypoints, said.camera, shipped_body(), config)
     o = stages.observations
@@ -112,11 +106,7 @@ def test_a_person_overrides_the_lifter(clip: Clip, params: BodyParams, monkeypat
 def test_a_fit_follows_a_kept_depth_in_all_frames(clip: Clip, params: BodyParams, monkeypatch: pytest.MonkeyPatch):
     """Where the depth of one frame alone changes its neighbours; a preset without the lifter ignores it."""
     points = keypoints_in_space(shipped_body(), params)[0][:, kp.BODY] - joints_in_space(shipped_body(), params)[:, :1]
-
-    def lifted(xy: np.ndarray, *_: object, **__: object) -> LiftedClip:
-        return LiftedClip(points, np.full((len(xy), 25), 0.1), np.zeros((len(xy), 3)), np.zeros((len(xy), 2)))
-
-    monkeypatch.setattr("fitting_core.fit.evidence.observations.lift", lifted)
+    let_lift(monkeypatch, points)
     body, before, frame, by = shipped_body(), depths(params), 4, 0.1
     there = told(clip, [frame], [WRIST], before[frame, WRIST] + by)
     kept = KeptOffset(keypoint=WRIST, frames=tuple(range(len(clip))), depths={frame: before[frame, WRIST] + by})

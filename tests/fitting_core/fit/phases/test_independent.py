@@ -10,7 +10,6 @@ import torch
 from fitting_core import keypoints as kp
 from fitting_core.body import rotations
 from fitting_core.body.model import BodyModel
-from fitting_core.config.schema import FitConfig, SolverSettings, Weights
 from fitting_core.fit.fused import ready
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases import independent
@@ -22,15 +21,8 @@ from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import Free, State
 from fitting_core.keypoints import Keypoints
 from fitting_core.results.provenance import Start, Stopped
-from tests.samples.scenes import FACING, arms_in_motion, finished, hidden, keypoints_of, listed, noisy, stages_of
+from tests.samples.scenes import FACING, QUICK, arms_in_motion, finished, hidden, keypoints_of, listed, noisy, stages_of
 from tests.samples.told_twist import with_told_twist
-
-QUICK = FitConfig(
-    pose_prior="axis_angle",
-    weights=replace(Weights(), collision=(0.0,) * 5),
-    hip_weight=1.0,
-    settings=SolverSettings(iterations=12),
-)
 
 
 @pytest.mark.parametrize("rounds", [0, 1])

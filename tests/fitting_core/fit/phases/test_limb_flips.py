@@ -9,7 +9,7 @@ from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
-from fitting_core.config.schema import FitConfig, SolverSettings, Weights
+from fitting_core.config.schema import SolverSettings
 from fitting_core.fit.phases import independent
 from fitting_core.fit.phases.frame_fits import FrameFits
 from fitting_core.fit.phases.independent import _Frames, _LastStage
@@ -19,14 +19,9 @@ from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
 from fitting_core.keypoints import Keypoints
 from fitting_core.results.provenance import Start
-from tests.samples.scenes import arms_in_motion, finished, hidden, keypoints_of, stages_of
+from tests.samples.scenes import QUICK, arms_in_motion, finished, hidden, keypoints_of, stages_of
 
-CONFIG = FitConfig(
-    pose_prior="axis_angle",  # holds every pose exactly
-    weights=replace(Weights(), collision=(0.0,) * 5, limits=(100.0,) * 5),
-    hip_weight=1.0,
-    settings=SolverSettings(iterations=20),
-)
+CONFIG = replace(QUICK, weights=replace(QUICK.weights, limits=(100.0,) * 5), settings=SolverSettings(iterations=20))
 FRAMES = torch.arange(3)
 
 

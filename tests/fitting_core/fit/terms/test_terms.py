@@ -1,7 +1,7 @@
 """Every term of E_o: its value written out by hand; its derivatives, by kernels and in torch, by automatic
-differentiation; all in float64."""
+differentiation; all in float64. And what is told of terms elsewhere."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,6 +32,7 @@ from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import Free, State
 from fitting_core.ground.contacts import FOOT_POINTS
+from tests.drivers.written_terms import written
 from tests.samples.scenes import (
     CAMERA,
     differentiated,
@@ -130,7 +131,7 @@ class Scene:
     def jacobians(self) -> dict[str, Tensor]:
         """Their derivatives by all columns, by automatic differentiation."""
         every = torch.arange(self.stages.parametrisation.columns.total)
-        return differentiated(self._everything, self.state, every)
+        return differentiated(self._everything, self.state, every)  # pyright: ignore[reportArgumentType, reportReturnType]
 
     def jacobian(self, name: str, free: Free) -> Tensor:
         """The same by the free columns."""
@@ -246,7 +247,7 @@ def relative_position_by_hand(scene: Scene) -> list[float]:
             point = keypoint_in_camera(scene, b, i, vertices, joints)
             for axis in np.flatnonzero(np.isfinite(deviations)) if point is not None else ():
                 # The pelvis lies where the likeliest shape's lies: the camera's translation starts from there.
-                away = point[axis] - float(scene.params.camera_translation[b, axis]) - pelvis[axis]
+                away = point[axis] - float(scene.params.camera_translation[b, axis]) - pelvis[axis]  # pyright: ignore[reportOptionalSubscript]
                 error = (away - float(known.relative_position[frame, i, axis])) / deviations[axis]
                 cost += 41.0**2 * 2.5**2 * error**2 / (error**2 + 2.5**2)
         costs.append(cost)
@@ -452,7 +453,7 @@ def normal_of(scene: Scene, term: Term, free: Free, *, kernels: bool, monkeypatc
     objective = scene.alone(term, free)
     assert (objective.fused is not None) == kernels
     if kernels:
-        assert objective.fused.others == ([term] if term.name == Huddle.name else [])
+        assert objective.fused.others == ([term] if term.name == Huddle.name else [])  # pyright: ignore[reportOptionalMemberAccess]
     return objective.normal(scene.state, FRAMES)
 
 
@@ -598,3 +599,13 @@ def test_undetected_keypoints_do_not_count(scene: Scene):
     before, after = (s.objective(5, whole, Free()).normal(whole[FRAMES], FRAMES) for s in (scene.stages, stages))
     for name in ("cost", "gradient", "matrix"):
         assert torch.equal(getattr(before, name), getattr(after, name))
+
+
+def test_the_docs_table_is_as_written_from_the_terms():
+    for path, text in written().items():
+        assert path.read_text(encoding="utf-8") == text, f"{path}: run python -m tests.drivers.written_terms"
+
+
+def test_a_weight_belongs_to_one_term():
+    names = [weight for entry in TERMS.values() for weight in entry.weights]
+    assert sorted(names) == sorted(field.name for field in fields(PRESETS["paper"].weights))

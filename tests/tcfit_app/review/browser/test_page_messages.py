@@ -11,19 +11,16 @@ from tcfit_app.review.browser.page_events import Drag, Hello, Press, Range, deco
 from web_tools import wire_types
 
 
-def test_an_event_is_read() -> None:
-    text = '{"number": 3, "event": {"type": "hello", "tab": "ab12", "width": 800, "height": 600}}'
-    assert decode(text) == page_events.Envelope(number=3, event=Hello(tab="ab12", width=800, height=600))
-
-
-def test_a_button_of_a_panel_is_read() -> None:
-    text = '{"number": 1, "event": {"type": "press", "command": "action", "value": "play"}}'
-    assert decode(text).event == Press(command="action", value="play")
-
-
-def test_a_range_can_be_none() -> None:
-    event = decode('{"number": 1, "event": {"type": "range", "first": null, "last": null}}').event
-    assert event == Range(first=None, last=None)
+@pytest.mark.parametrize(
+    ("text", "event"),
+    [
+        ('"type": "hello", "tab": "ab12", "width": 800, "height": 600', Hello(tab="ab12", width=800, height=600)),
+        ('"type": "press", "command": "action", "value": "play"', Press(command="action", value="play")),
+        ('"type": "range", "first": null, "last": null', Range(first=None, last=None)),
+    ],
+)
+def test_an_event_is_read(text: str, event: Hello | Press | Range) -> None:
+    assert decode(f'{{"number": 3, "event": {{{text}}}}}') == page_events.Envelope(number=3, event=event)
 
 
 @pytest.mark.parametrize(

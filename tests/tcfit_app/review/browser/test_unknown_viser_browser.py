@@ -10,7 +10,7 @@ import viser
 
 from tcfit_app.review.browser.channel import Channel, web_files
 from tcfit_app.server.serving import review_server
-from tests.drivers.review_page import until
+from tests.drivers.waiting import until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

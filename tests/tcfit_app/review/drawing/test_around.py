@@ -8,7 +8,7 @@ import pytest
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS, INDEX
-from tcfit_app.review.browser.page_events import Hello, Key
+from tcfit_app.review.browser.page_events import Key
 from tcfit_app.review.browser.page_states import Focus
 from tcfit_app.review.drawing.overlays import followed, in_image
 from tcfit_app.review.gestures.zooming import show_close_up, usual_size
@@ -16,14 +16,6 @@ from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY, Part
 from tests.drivers.lone_page import LonePage, told
 
 WRIST = INDEX["right_wrist"]
-
-
-@pytest.fixture
-def tested(fitted_page: LonePage) -> LonePage:
-    """A page of a project of the tiny body, with a fit."""
-    fitted_page.only()
-    fitted_page.page.receive(Hello("me", 1000, 700))
-    return fitted_page
 
 
 def heard(tested: LonePage) -> dict[str, Any]:

@@ -23,14 +23,6 @@ from tests.samples.project_samples import sample_error_bars
 from tests.samples.sessions import OneBody, small_clip, until
 
 
-@pytest.fixture
-def tested(fitted_page: LonePage) -> LonePage:
-    """A page of a project of the tiny body, with a fit."""
-    fitted_page.only()
-    fitted_page.page.receive(Hello("me", 1000, 700))
-    return fitted_page
-
-
 def told(tested: LonePage, name: str) -> Any:
     """What the page was told last under a name, once all is made."""
     sent: dict[str, Any] = {}

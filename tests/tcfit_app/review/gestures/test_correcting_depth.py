@@ -173,29 +173,19 @@ def test_a_keypoint_that_the_fit_swaps_back_takes_the_other_arms_depth(
         np.testing.assert_allclose(edit.depth[row][1], 2 * before[frame, root] - before[frame, wrist], atol=PERSPECTIVE)
 
 
-@pytest.mark.parametrize(("mode", "side"), [("edit", "left"), ("space", "right")])
-def test_the_joint_is_locked_that_is_seen_at_a_swapped_keypoint(
-    tested: LonePage, monkeypatch: pytest.MonkeyPatch, mode: Mode, side: str
+@pytest.mark.parametrize(("mode", "locked", "side"), [("edit", "left", "right"), ("space", "right", "left")])
+def test_the_joint_is_locked_and_the_depth_set_that_is_seen_at_a_swapped_keypoint(
+    tested: LonePage, monkeypatch: pytest.MonkeyPatch, mode: Mode, locked: str, side: str
 ):
     tab = tested.page.tab
     tab.session.edit_follower.after_edits = False
     swap_arms(tab, monkeypatch, unswapping=True)
     tab.set(frame=4, selection=(WRIST,), mode=mode)
     tested.press("action", "lock")
-    edit = tested.last_edit
-    assert isinstance(edit, Lock) and edit.joints == (INDEX[f"{side}_wrist"],)
+    edit, wrist = tested.last_edit, INDEX[f"{locked}_wrist"]
+    assert isinstance(edit, Lock) and edit.joints == (wrist,)
     tested.press("action", "unlock")
-    assert tested.last_edit == Unlock(frames=(4,), joints=(INDEX[f"{side}_wrist"],))
-
-
-@pytest.mark.parametrize(("mode", "side"), [("edit", "right"), ("space", "left")])
-def test_in_3d_the_depth_of_a_swapped_arm_is_that_of_the_arm_on_show(
-    tested: LonePage, monkeypatch: pytest.MonkeyPatch, mode: Mode, side: str
-):
-    tab = tested.page.tab
-    tab.session.edit_follower.after_edits = False
-    swap_arms(tab, monkeypatch, unswapping=True)
-    tab.set(frame=4, selection=(WRIST,), mode=mode)
+    assert tested.last_edit == Unlock(frames=(4,), joints=(wrist,))
     tested.page.gestures.depth.send("mirror")
     edit, of_side = tested.last_edit, tuple(INDEX[f"{side}_{name}"] for name in ("elbow", "wrist"))
     assert isinstance(edit, SetDepth) and edit.joints == of_side

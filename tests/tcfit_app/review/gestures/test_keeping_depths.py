@@ -17,7 +17,6 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.errors import InputError
 from fitting_core.keypoints import BODY, INDEX, RIGHT_HAND
-from fitting_core.lifting.clip_lifting import LiftedClip
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting import edit_follower
 from tcfit_app.project.edits.kinds import Keep, Lock, Pin, PlaceKey, Release, SetDepth, Unlock
@@ -27,7 +26,7 @@ from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.samples.project_samples import assert_same_fit
-from tests.samples.scenes import arms_in_motion
+from tests.samples.scenes import arms_in_motion, let_lift
 from tests.samples.sessions import QUICK, OneBody, small_clip
 
 FRAMES = 24
@@ -49,13 +48,8 @@ def lifter(tiny_body: BodyModel) -> Iterator[None]:
     """It is right of this body, and states 10 cm."""
     params = arms_in_motion(FRAMES)
     points = keypoints_in_space(tiny_body, params)[0][:, BODY] - joints_in_space(tiny_body, params)[:, :1]
-
-    def lift(xy: np.ndarray, *_: object, **__: object) -> LiftedClip:
-        unsure = np.full((FRAMES, 25), 0.1)
-        return LiftedClip(np.nan_to_num(points), unsure, np.zeros((FRAMES, 3)), np.zeros((FRAMES, 2)))
-
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fitting_core.fit.evidence.observations.lift", lift)
+        let_lift(patch, np.nan_to_num(points))
         yield
 
 

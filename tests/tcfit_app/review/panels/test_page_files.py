@@ -56,23 +56,17 @@ def untouched(page: LonePage) -> bool:
     return project.media.path is None or project.media.path.name == "spots"
 
 
-def test_no_path_of_a_page_elsewhere_is_read(page: LonePage, named: str, tmp_path: Path):
-    secret = write_video(tmp_path / "secret.mp4")
-    page.page.tab.files = PageFiles(here=False)
-    for path in (str(secret), "/etc/passwd", "/nowhere", "~"):
-        (told,) = name(page, named, path)
-        assert "Upload the file instead" in told and path not in told.split()
-    assert untouched(page) and not page.page.tab.session.source.busy
-
-
-def test_with_a_folder_for_them_what_lies_elsewhere_is_refused(page: LonePage, named: str, tmp_path: Path):
+@pytest.mark.parametrize("here", [False, True])
+def test_no_path_of_a_page_elsewhere_is_read_and_none_outside_the_folder_for_them(
+    page: LonePage, named: str, here: bool, tmp_path: Path
+):
     secret = write_video(tmp_path / "secret.mp4")
     (tmp_path / "clips").mkdir()
     (tmp_path / "clips" / "link.mp4").symlink_to(secret)
-    page.page.tab.files = PageFiles(here=True, root=tmp_path / "clips")
-    for path in (str(secret), "link.mp4", "../secret.mp4", "/nowhere"):
+    page.page.tab.files = PageFiles(here=here, root=tmp_path / "clips" if here else None)
+    for path in (str(secret), "/etc/passwd", "/nowhere", *(("link.mp4", "../secret.mp4") if here else ("~",))):
         (told,) = name(page, named, path)
-        assert "does not lie in" in told
+        assert "does not lie in" in told if here else "Upload the file instead" in told and path not in told.split()
     assert untouched(page) and not page.page.tab.session.source.busy
 
 

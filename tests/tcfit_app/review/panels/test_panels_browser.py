@@ -13,7 +13,8 @@ from tcfit_app.review.panels.elements.fold import Fold
 from tcfit_app.review.panels.elements.html import Board, Item, button, menu_button, row
 from tcfit_app.review.tab.state import FitSettings
 from tests.drivers.lone_page import sample_project
-from tests.drivers.review_page import Reviewing, reviewing, until
+from tests.drivers.review_page import Reviewing, reviewing
+from tests.drivers.waiting import until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

@@ -11,11 +11,11 @@ import viser
 
 from fitting_core.detect import known_models, stored
 from fitting_core.detect.detectors import DEFAULT, DETECTORS
-from fitting_core.keypoints import COUNT
 from tcfit_app.server.uploads import UPLOAD_BYTES, Uploads
-from tests.drivers.review_page import Reviewing, opened, reviewing, until
+from tests.drivers.review_page import Reviewing, opened, reviewing
+from tests.drivers.waiting import until
 from tests.samples.fake_detector import FakeDetector, known
-from tests.samples.spot_clips import FRAMES, empty_project, imported_xy, keypoint_files, nose, spot_video
+from tests.samples.spot_clips import FRAMES, empty_project, imported_xy, keypoint_files, spot_video, two_people
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -26,15 +26,6 @@ pytestmark = pytest.mark.thorough
 @pytest.fixture(scope="module")
 def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return spot_video(tmp_path_factory.mktemp("spots") / "walk")
-
-
-def two_people(frame: int) -> np.ndarray:
-    """A large one who walks, and a small one at the side."""
-    points = np.zeros((2, COUNT, 3))
-    for place, (middle, size) in enumerate(((nose(frame), 30.0), ((20.0, 60.0), 12.0))):
-        around = np.random.default_rng(place).uniform(-1, 1, (25, 2))
-        points[place, :25] = np.column_stack([around * size + middle, np.full(25, 0.9)])
-    return points
 
 
 class Gated(FakeDetector):

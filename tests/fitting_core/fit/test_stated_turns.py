@@ -1,4 +1,4 @@
-"""Hands whose shape a person stated: what the fit makes of them."""
+"""Turns that a person stated, of hands and of locked joints: what the fit makes of them."""
 
 from dataclasses import replace
 
@@ -7,14 +7,18 @@ import pytest
 import torch
 
 from fitting_core import keypoints as kp
+from fitting_core.body import rotations
 from fitting_core.body.handshapes import HANDSHAPES, finger_angles
+from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import project
 from fitting_core.clip import Clip
-from fitting_core.config.schema import PRESETS
+from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.fit.fitting import fit_clip, rerun_events
 from fitting_core.fit.stages import Stages
+from fitting_core.fit.terms.locks import Locks
+from fitting_core.fit.variables.state import Free
 from fitting_core.measure.hands.handshapes import HandshapeSet, finger_bones
 from tests.samples.posed_clips import clip_of, motion, shipped_body
 from tests.samples.scenes import finished
@@ -25,6 +29,12 @@ NEAR = 7.0
 """Degrees between finger bones: so near to each of the named shapes is what twelve numbers of a hand can say."""
 
 
+def config_of(preset: str) -> FitConfig:
+    config = PRESETS[preset]
+    weights = replace(config.weights, collision=(0.0,) * 5)
+    return replace(config, solver="lm", weights=weights, temporal=replace(config.temporal, stages=(5,)))
+
+
 @pytest.fixture(scope="module")
 def params() -> BodyParams:
     return motion(FRAMES)
@@ -33,6 +43,11 @@ def params() -> BodyParams:
 @pytest.fixture(scope="module")
 def clip(params: BodyParams) -> Clip:
     return clip_of(params, noise=0.5, groups=(kp.BODY, kp.HANDS))
+
+
+@pytest.fixture(scope="module")
+def without_hands(params: BodyParams) -> Clip:
+    return clip_of(params, noise=0.5)
 
 
 def with_shape(clip: Clip, name: str, side: kp.Side = "left") -> Clip:
@@ -64,11 +79,8 @@ def test_the_hand_space_comes_near_to_every_named_shape(name: str):
     "preset", ["tcfit", *(pytest.param(p, marks=pytest.mark.thorough) for p in ("smplifyx", "paper"))]
 )
 def test_a_hand_has_its_shape_in_every_preset(clip: Clip, params: BodyParams, preset: str):
-    config = PRESETS[preset]
-    weights = replace(config.weights, collision=(0.0,) * 5)
-    config = replace(config, solver="lm", weights=weights, temporal=replace(config.temporal, stages=(5,)))
     seen, found = (
-        finished(rerun_events(each, shipped_body(), config, params, range(1, 8))).params
+        finished(rerun_events(each, shipped_body(), config_of(preset), params, range(1, 8))).params
         for each in (clip, with_shape(clip, "fist"))
     )
     shape, degrees = told(found, "left", STATED)
@@ -89,9 +101,8 @@ def test_a_whole_fit_has_it_and_wrists_stay_where_they_are_seen(clip: Clip):
 
 
 @pytest.mark.thorough
-def test_hands_move_where_none_was_detected(params: BodyParams):
-    clip = with_shape(clip_of(params, noise=0.5), "fist")
-    found = fit_clip(clip, shipped_body(), PRESETS["tcfit"]).last.params
+def test_hands_move_where_none_was_detected(without_hands: Clip):
+    found = fit_clip(with_shape(without_hands, "fist"), shipped_body(), PRESETS["tcfit"]).last.params
     assert told(found, "left", STATED)[0] == "fist"
 
 
@@ -108,3 +119,47 @@ def test_keypoints_of_its_fingers_do_not_count_and_those_of_the_palm_do(clip: Cl
     assert said.keypoints.turn is not None
     said.keypoints.turn[3, kp.INDEX["left_thumb2"]] = np.nan
     assert not said.keypoints.overruled[3].any(), "a hand without all of its joints has no stated shape"
+
+
+# --- locked joints ---
+
+
+def columns(joint: str) -> slice:
+    return slice(3 * (JOINT[joint] - 1), 3 * JOINT[joint])
+
+
+def locked(clip: Clip, keypoint: int, turn: torch.Tensor) -> Clip:
+    turns = np.full((FRAMES, kp.COUNT, 3), np.nan)
+    turns[STATED, keypoint] = turn.numpy()
+    return replace(clip, keypoints=replace(clip.keypoints, turn=turns))
+
+
+def degrees_off(found: BodyParams, joint: str, turn: torch.Tensor) -> np.ndarray:
+    away = rotations.exp(turn).T @ rotations.exp(found.body_pose[:, columns(joint)])
+    return np.degrees(torch.linalg.vector_norm(rotations.log(away), dim=-1).numpy())
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_joint_is_turned_as_it_is_locked_in_every_preset(without_hands: Clip, params: BodyParams, preset: str):
+    """About the forearm's own axis, of which keypoints of the body tell nothing, and 25 degrees away from the truth."""
+    wrist = columns("left_wrist")
+    turn = params.body_pose[3, wrist] + torch.tensor([0.44, 0.0, 0.0], dtype=torch.float64)
+    said = locked(without_hands, kp.INDEX["left_wrist"], turn)
+    found = finished(rerun_events(said, shipped_body(), config_of(preset), params, range(1, 8))).params
+    off = degrees_off(found, "left_wrist", turn)
+    assert off[STATED].max() < 3
+    assert torch.equal(found.body_pose[[0, 8]], params.body_pose[[0, 8]])
+
+
+@pytest.mark.thorough
+def test_where_nothing_is_locked_there_is_no_term(without_hands: Clip, params: BodyParams):
+    def terms(part: Clip, frames: range) -> list:
+        stages = Stages.of(part.keypoints, part.camera, shipped_body(), PRESETS["tcfit"]).within(frames)
+        return [term for term in stages.objective(5, stages.parametrisation.neutral(len(frames)), Free()).terms]
+
+    said = locked(without_hands, kp.INDEX["neck"], params.body_pose[3, columns("neck")])
+    assert not any(isinstance(term, Locks) for term in terms(without_hands, range(FRAMES)))
+    assert not any(isinstance(term, Locks) for term in terms(said, range(6, 9)))
+    (term,) = (term for term in terms(said, range(4, 9)) if isinstance(term, Locks))
+    assert term.joint.tolist() == [JOINT["neck"]] and (term.weight > 0)[:, 0].tolist() == [True] * 2 + [False] * 3

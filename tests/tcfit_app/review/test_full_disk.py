@@ -13,32 +13,22 @@ from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from tcfit_app.fitting import edit_follower
 from tcfit_app.project.edits.kinds import Nudge
-from tcfit_app.project.project import Project
 from tcfit_app.review.session.session import Session
 from tests.flows.disk import disk
-from tests.samples.sessions import QUICK, idle, newest, session_of, small_clip
+from tests.samples.sessions import QUICK, idle, newest, session_of
 
 WRIST = kp.INDEX["right_wrist"]
 WRITES = range(12)
 """How many writes succeed before the disk is full."""
 
 
-@pytest.fixture(scope="module")
-def fitted(tiny_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A project with one whole fit; not to be changed."""
-    folder = tmp_path_factory.mktemp("fitted") / "walk.tcfit"
-    Project.create(folder, small_clip(tiny_body)).close()
-    with session_of(folder, tiny_body) as session:
-        session.fit_everything(QUICK, kind="smplx", gender="neutral")
-        idle(session)
-    return folder
-
-
 @pytest.fixture
-def session(fitted: Path, tmp_path: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
+def session(
+    fitted_walk: Path, tmp_path: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Session]:
     monkeypatch.setattr(edit_follower, "SETTLING", 0.0)
     monkeypatch.setattr("tcfit_app.review.session.session.RETRY", 0.0)
-    with session_of(Path(shutil.copytree(fitted, tmp_path / "walk.tcfit")), tiny_body) as made:
+    with session_of(Path(shutil.copytree(fitted_walk, tmp_path / "walk.tcfit")), tiny_body) as made:
         yield made
 
 
