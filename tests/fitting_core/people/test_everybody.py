@@ -1,16 +1,21 @@
-"""Everybody in a clip: who is who, what is named as uncertain, and what is no person."""
+"""Everybody in a clip: who is who, how many are followed, what is named as uncertain, and what is no person."""
 
 import time
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
 from fitting_core.detections import Detections
 from fitting_core.errors import InputError
+from fitting_core.keypoints import COUNT
+from fitting_core.people import following
 from fitting_core.people.everybody import Everybody, find_all_people
+from fitting_core.people.following import MOST_FOLLOWED, tracks_of
+from fitting_core.people.sightings import Sighting
 
 Figure = Callable[..., np.ndarray]
 RATE = 25.0
@@ -183,3 +188,16 @@ def test_crowds_take_a_bounded_time(figure: Figure):
     # Where two of them stand in one place they are one.
     assert 90 <= len(everybody.people) <= 100
     assert "In frames 109 more than 100 people are detected; the largest were followed." in everybody.note
+
+
+@pytest.mark.thorough
+def test_false_detections_all_over_the_frames_are_not_all_followed():
+    """Their number squared would be the time."""
+    rng = np.random.default_rng(0)
+    points = rng.normal(0, 10.0, (COUNT, 3))
+    points[:, 2] = 0.5
+    places = rng.uniform(0, 1e6, (20, 50, 2))
+    frames = [[Sighting.of(k, points + np.array([*place, 0.0])) for k, place in enumerate(frame)] for frame in places]
+    with patch.object(following, "_prices", wraps=following._prices) as prices:
+        assert len(tracks_of(frames, 30.0)) == 20 * 50
+    assert max(len(call.args[2]) for call in prices.call_args_list) == MOST_FOLLOWED

@@ -1,5 +1,6 @@
 """A session: what edits, fits and drags do to a project, and what is shown of them meanwhile."""
 
+import gc
 import shutil
 import threading
 from collections.abc import Callable, Iterator
@@ -31,6 +32,7 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.review.panels.fit.fit_texts import result_of
 from tcfit_app.review.session.session import Session
+from tcfit_app.review.shared.drawing_data import DrawingData
 from tests.drivers import waiting
 from tests.samples.scenes import finished
 from tests.samples.sessions import FRAMES, QUICK, held, idle, newest, session_of, small_clip, told, until
@@ -523,6 +525,23 @@ def test_cancelling_what_follows_edits_cancels_those_that_wait_for_it(
         session.cancel()
     idle(session)
     assert newest(session).run.id == before.run.id and session.edits_since(before.run) == 2
+
+
+def fits_alive() -> int:
+    gc.collect()
+    return sum(type(one) is FitResult for one in gc.get_objects())
+
+
+def test_edits_leave_no_fits_in_memory_but_those_of_runs(session: Session, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(edit_follower, "SETTLING", 0.0)
+    data, before = DrawingData(session, lambda: None), fits_alive()
+    for frame in range(6):
+        nudge(session, frame, newest(session))
+        idle(session)
+        until(session, lambda: data.queue(newest(session)) is not None)
+    kept, runs = fits_alive() - before, len(session.fits.runs)
+    data.close()
+    assert runs == 2 and kept <= runs + 1, "and the worker's last job"
 
 
 def test_edits_of_two_runs_are_both_followed(session: Session):
