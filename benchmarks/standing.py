@@ -18,6 +18,7 @@ from benchmarks.report import Common, Row, progress, report, start
 from evaluation.synthetic.motion_suite.framing import Shot, view_of
 from evaluation.synthetic.motion_suite.measured_detector import MEASURED, MeasuredErrors, detected
 from evaluation.synthetic.suite import SUBJECTS, Subject, in_view, subject_body
+from evaluation.synthetic.truth import truth_of
 from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
@@ -26,7 +27,6 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused import ready
-from fitting_core.io.truth import truth_of
 from fitting_core.world_camera import in_camera
 
 LENSES = {"phone": 26.0, "portrait": 85.0, "tele": 200.0}

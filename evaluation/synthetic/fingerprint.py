@@ -11,7 +11,6 @@ _SOURCES = (
     "fitting_core/config/choices.py",
     "fitting_core/files/**/*.py",
     "fitting_core/io/truth.py",
-    "fitting_core/render/rasterize.py",
 )
 """All modules that take part in generating; a test follows the imports of both generators."""
 

@@ -7,10 +7,8 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
-from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
-from fitting_core.camera import Camera, project
+from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz, write_npz
 
@@ -35,23 +33,6 @@ class Truth:
     frame_rate: float
     body_hash: str
     """Of the body model's file."""
-
-
-def truth_of(body: BodyModel, params: BodyParams, camera: Camera, frame_rate: float) -> Truth:
-    """Ground truth of a moving body before a camera, with nothing visible yet."""
-    points, exists = keypoints_in_space(body, params)
-    pixels = np.zeros((*points.shape[:2], 2))
-    pixels[:, exists] = project(camera, torch.as_tensor(points[:, exists])).numpy()
-    return Truth(
-        params=params,
-        joints=joints_in_space(body, params),
-        keypoints=pixels,
-        visible=np.zeros(points.shape[:2], bool),
-        exists=exists,
-        camera=camera,
-        frame_rate=frame_rate,
-        body_hash=body.hash,
-    )
 
 
 def write_truth(path: Path, truth: Truth) -> None:

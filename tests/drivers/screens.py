@@ -12,8 +12,8 @@ import viser
 from jaxtyping import Bool, Float, Int, UInt8
 from viser import _messages
 
+from evaluation.synthetic.studio.rasterize import rasterize
 from fitting_core.camera import Camera
-from fitting_core.render.rasterize import rasterize
 from tcfit_app.review.browser.channel import Channel, web_files
 from tcfit_app.review.browser.page_states import Layout
 from tcfit_app.review.scene.layers import RGB, BodyLayer, uniform_jpeg

@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 
 from evaluation.synthetic.studio.clothing import Outfit
+from evaluation.synthetic.studio.rasterize import rasterize
 from evaluation.synthetic.studio.view import View
 from fitting_core.camera import Camera
-from fitting_core.render.rasterize import rasterize
 
 CAMERA = Camera(focal=(1400.0, 1400.0), center=(270.0, 360.0), size=(540, 720), source="the demo's own camera")
 VIEW = View(azimuth=24.0, height=1.25, distance=4.05, looking_at=(0.0, 0.87, -0.13))

@@ -11,12 +11,13 @@ from scipy.spatial.transform import Rotation
 from evaluation.synthetic.acting.script import Failure
 from evaluation.synthetic.simulated_detector import Detector, detect
 from evaluation.synthetic.studio.view import View
+from evaluation.synthetic.truth import truth_of
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
-from fitting_core.io.truth import Truth, truth_of
+from fitting_core.io.truth import Truth
 from fitting_core.keypoints import Keypoints
 from fitting_core.world_camera import in_camera
 from tests.samples.standing import by_hand, standing

@@ -7,6 +7,7 @@ import pytest
 import torch
 from jaxtyping import Float
 
+from evaluation.synthetic.studio.rasterize import rasterize
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import BodyModel
@@ -15,7 +16,6 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.fit.phases.outlines import OutlinedShape, outlined_shape
 from fitting_core.fit.stages import Stages
 from fitting_core.measure.mesh.errors import Enclosed
-from fitting_core.render.rasterize import rasterize
 from fitting_core.silhouettes import Silhouettes, silhouette_size
 from tests.samples.scenes import CAMERA, keypoints_of, likeliest_shape, random_params
 

@@ -3,8 +3,8 @@
 import numpy as np
 import trimesh
 
+from evaluation.synthetic.studio.rasterize import Fragments, rasterize
 from fitting_core.camera import Camera
-from fitting_core.render.rasterize import Fragments, rasterize
 
 CAMERA = Camera(focal=(310.0, 290.0), center=(95.5, 40.25), size=(160, 120))
 SPHERE = trimesh.creation.icosphere(subdivisions=2, radius=0.3)

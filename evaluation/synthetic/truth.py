@@ -1,0 +1,27 @@
+"""The ground truth of a generated clip, from its body and its camera."""
+
+import numpy as np
+import torch
+
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
+from fitting_core.camera import Camera, project
+from fitting_core.io.truth import Truth
+
+
+def truth_of(body: BodyModel, params: BodyParams, camera: Camera, frame_rate: float) -> Truth:
+    """Ground truth of a moving body before a camera, with nothing visible yet."""
+    points, exists = keypoints_in_space(body, params)
+    pixels = np.zeros((*points.shape[:2], 2))
+    pixels[:, exists] = project(camera, torch.as_tensor(points[:, exists])).numpy()
+    return Truth(
+        params=params,
+        joints=joints_in_space(body, params),
+        keypoints=pixels,
+        visible=np.zeros(points.shape[:2], bool),
+        exists=exists,
+        camera=camera,
+        frame_rate=frame_rate,
+        body_hash=body.hash,
+    )
