@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator
 
-from fitting_core.animation.retargeting import FINGERS, Source
+from fitting_core.animation.retargeting import Source
 from fitting_core.animation.standard import AHEAD, DOWN, LEFT, RIGHT, UP, Bone, Standard, Vector
+from fitting_core.keypoints import FINGERS
 
 _STRAIGHT: dict[str, Vector] = {
     f"left_{joint}": LEFT

@@ -18,9 +18,9 @@ from scipy.spatial.transform import Rotation
 from fitting_core.body.geometry import shortest_rotation, twist, unit
 from fitting_core.body.kinematics import Tree, pose_joints
 from fitting_core.body.model import JOINT, JOINTS, BodyModel
+from fitting_core.keypoints import FINGERS
 from fitting_core.motion import Motion
 
-FINGERS = ("index", "middle", "pinky", "ring", "thumb")
 _ALONG: dict[str, str] = {
     f"{side}_{joint}": f"{side}_{nearer}"
     for side in ("left", "right")

@@ -15,8 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.body.geometry import MIRROR, MIRROR_ROTATION
-from fitting_core.body.hand_skeleton import axes_of_finger
+from fitting_core.body.geometry import MIRROR, MIRROR_ROTATION, unit
 from fitting_core.body.model import JOINT, BodyModel
 
 Degrees = tuple[float, float]
@@ -125,6 +124,8 @@ _FINGERS: dict[str, tuple[Degrees, Degrees, Degrees]] = {
     "thumb2": ((-15, 72), (-20, 20), (-20, 20)),
     "thumb3": ((-30, 92), (-12, 12), (-12, 12)),
 }
+_OPPOSED = np.array([0, -0.035, 0])
+"""Metres from the ring finger's knuckle: where the thumb's tip goes."""
 
 
 def joint_ranges(body: BodyModel) -> dict[str, JointRange]:
@@ -151,3 +152,24 @@ def _left_fingers(joints: Float[np.ndarray, "55 3"], named: str) -> dict[str, Jo
         axes = (tuple(x), tuple(y), tuple(z))
         ranges[f"{named}_{name}"] = JointRange(kind="hinge", axes=axes, flexion=flexion, side=side, twist=twist)
     return ranges
+
+
+def axes_of_finger(joints: Float[np.ndarray, "55 3"], finger: str, *, named: str = "left") -> Float[np.ndarray, "3 3"]:
+    """Axes of a finger of a left hand as rows: turning about them by positive angles flexes, spreads, twists.
+
+    Positive spreading turns about the upward axis, so it takes the left index finger away from the thumb.
+
+    Args:
+        joints: Of the rest pose: palm down, fingers along +x.
+        finger: One of FINGERS.
+        named: The side that the joints are named after: "right" for a right hand's mirror image.
+    """
+    first, third, ring = (joints[JOINT[f"{named}_{name}"]] for name in (f"{finger}1", f"{finger}3", "ring1"))
+    along = unit(third - first)
+    palm = np.array([0, -1.0, 0])
+    if finger == "thumb":  # it flexes across the palm
+        palm = unit(ring + _OPPOSED - first)
+    flex = unit(np.cross(along, palm))
+    spread = unit(np.cross(flex, along))
+    upward = finger == "thumb" or spread[1] > 0
+    return np.stack([flex, spread if upward else -spread, along])

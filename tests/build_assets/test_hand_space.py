@@ -8,6 +8,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from build_assets.free_body.hand.hand_skeleton import HandSkeleton, axis_angle_of
 from build_assets.free_body.hand.hand_space import (
     hand_of,
     left_hand_basis,
@@ -18,11 +19,11 @@ from build_assets.free_body.hand.recordings import joint_angles, read_recording
 from fitting_core import keypoints as kp
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.geometry import unit
-from fitting_core.body.hand_skeleton import FINGERS, HandSkeleton, axis_angle_of
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.errors import InputError
+from fitting_core.keypoints import FINGERS
 from fitting_core.shipped import FREE_FOLDER
 
 pytestmark = pytest.mark.thorough

@@ -22,11 +22,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from build_assets.free_body.hand.recordings import Recording, aligned, joint_angles, read_recording
-from fitting_core.body.files.reading import load_body
-from fitting_core.body.geometry import MIRROR_ROTATION
-from fitting_core.body.hand_skeleton import (
-    FINGERS,
+from build_assets.free_body.hand.hand_skeleton import (
     FLEXION,
     SIZE,
     SPREAD,
@@ -35,9 +31,13 @@ from fitting_core.body.hand_skeleton import (
     axis_angle_of,
     finger_axes,
 )
+from build_assets.free_body.hand.recordings import Recording, aligned, joint_angles, read_recording
+from fitting_core.body.files.reading import load_body
+from fitting_core.body.geometry import MIRROR_ROTATION
 from fitting_core.body.model import N_HAND_COMPONENTS, BodyModel
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz, write_npz
+from fitting_core.keypoints import FINGERS
 from fitting_core.shipped import FREE_FOLDER
 
 HAND_SPACE = FREE_FOLDER.parent / "hands" / "hand_space.npz"

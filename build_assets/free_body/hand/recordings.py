@@ -8,11 +8,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from build_assets.free_body.hand.hand_skeleton import FLEXION, SPREAD, TWIST, HandSkeleton
 from fitting_core.body import rotations
 from fitting_core.body.geometry import unit
-from fitting_core.body.hand_skeleton import FINGERS, FLEXION, SPREAD, TWIST, HandSkeleton
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz
+from fitting_core.keypoints import FINGERS
 
 _LEAP_FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 _CONFIDENT = 0.6

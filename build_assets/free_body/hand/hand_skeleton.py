@@ -13,15 +13,13 @@ from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core.body import rotations
-from fitting_core.body.geometry import unit
+from fitting_core.body.joint_ranges import axes_of_finger
 from fitting_core.body.model import JOINT
+from fitting_core.keypoints import FINGERS
 
-FINGERS = ("index", "middle", "pinky", "ring", "thumb")
-"""The order of SMPL-X's joints."""
 FLEXION, SPREAD, TWIST = 0, 1, 2
 SIZE = 45
 """Angles of a hand: finger, joint from the knuckle outward, axis."""
-_OPPOSED = np.array([0, -0.035, 0])  # metres from the ring finger's knuckle: where the thumb's tip goes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,27 +53,6 @@ class HandSkeleton:
 def finger_axes(joints: Float[np.ndarray, "55 3"]) -> Float[np.ndarray, "5 3 3"]:
     """Axes of each left finger, see `axes_of_finger`, in the order of FINGERS."""
     return np.stack([axes_of_finger(joints, finger) for finger in FINGERS])
-
-
-def axes_of_finger(joints: Float[np.ndarray, "55 3"], finger: str, *, named: str = "left") -> Float[np.ndarray, "3 3"]:
-    """Axes of a finger of a left hand as rows: turning about them by positive angles flexes, spreads, twists.
-
-    Positive spreading turns about the upward axis, so it takes the left index finger away from the thumb.
-
-    Args:
-        joints: Of the rest pose: palm down, fingers along +x.
-        finger: One of FINGERS.
-        named: The side that the joints are named after: "right" for a right hand's mirror image.
-    """
-    first, third, ring = (joints[JOINT[f"{named}_{name}"]] for name in (f"{finger}1", f"{finger}3", "ring1"))
-    along = unit(third - first)
-    palm = np.array([0, -1.0, 0])
-    if finger == "thumb":  # it flexes across the palm
-        palm = unit(ring + _OPPOSED - first)
-    flex = unit(np.cross(along, palm))
-    spread = unit(np.cross(flex, along))
-    upward = finger == "thumb" or spread[1] > 0
-    return np.stack([flex, spread if upward else -spread, along])
 
 
 def axis_angle_of(angles: Float[np.ndarray, "*n 45"], axes: Float[np.ndarray, "5 3 3"]) -> Float[np.ndarray, "*n 45"]:
