@@ -21,9 +21,7 @@ from scipy.spatial.transform import Rotation
 from fitting_core.animation.animated import RigSurface, on_own_skeleton, surface_deviation, surface_on
 from fitting_core.animation.retargeting import RigMotion, same_hemisphere
 from fitting_core.body.model import N_JOINTS
-from fitting_core.files.atomic import replacing
-from fitting_core.io.motion.gltf_buffer import Buffer
-from fitting_core.io.motion.rig_glb import Channels, joint_nodes, material_of, mesh_of, skin_of
+from fitting_core.io.motion.rig_glb import Channels, GltfFile, joint_nodes, material_of, mesh_of, skin_of
 from fitting_core.motion import Motion, Progress, stated
 
 _AXES = "y-up"
@@ -57,8 +55,7 @@ def write_people_glb(path: Path, motions: Sequence[Motion], *, name: str, progre
     for k, motion in enumerate(motions):
         nodes = _ONE if k == 0 else _ONE.later(1 + k * (2 + N_JOINTS))
         people.append(_person(motion.in_axes(_AXES), nodes, partial(_part_of, tell, k, len(motions))))
-    with replacing(path) as draft:
-        _document(people, name).save_binary(str(draft))
+    _file_of(people, name).save(path)
 
 
 def _part_of(tell: Progress, k: int, count: int, share: float) -> None:
@@ -96,25 +93,19 @@ def _person(motion: Motion, nodes: _Nodes, tell: Progress) -> _Person:
     return _Person(motion=motion, moving=moving, surface=surface, stated=said, nodes=nodes)
 
 
-def _document(people: list[_Person], name: str) -> gltf.GLTF2:
+def _file_of(people: list[_Person], name: str) -> GltfFile:
     said = people[0].stated if len(people) == 1 else {"name": name, "people": [one.stated for one in people]}
     tops = [node for one in people for node in (one.nodes.root, one.nodes.mesh)]
-    document = gltf.GLTF2(
-        asset=gltf.Asset(version="2.0", generator="tcfit", extras=said),
-        scene=0,
-        scenes=[gltf.Scene(name=name, nodes=[*tops[:2], _CAMERA, *tops[2:]], extras=said)],
-        nodes=_nodes(people),
-        cameras=[_camera(people[0].motion)],
-        materials=[material_of(k) for k in range(len(people))],
-    )
-    buffer = Buffer(document)
-    document.meshes = [mesh_of(one.surface, buffer, k) for k, one in enumerate(people)]
+    file = GltfFile(name, said, _nodes(people), [*tops[:2], _CAMERA, *tops[2:]])
+    document = file.document
+    document.cameras = [_camera(people[0].motion)]
+    document.materials = [material_of(k) for k in range(len(people))]
+    document.meshes = [mesh_of(one.surface, file, k) for k, one in enumerate(people)]
     for one, mesh in zip(people, document.meshes, strict=True):
         mesh.weights = one.surface.morphs.weights[0].tolist()
-    document.skins = [skin_of(one.moving.target, buffer, one.nodes.first_joint) for one in people]
-    document.animations = [_animation(people, name, buffer)]
-    buffer.close()
-    return document
+    document.skins = [skin_of(one.moving.target, file, one.nodes.first_joint) for one in people]
+    document.animations = [_animation(people, name, file)]
+    return file
 
 
 def _nodes(people: list[_Person]) -> list[gltf.Node]:
@@ -160,8 +151,8 @@ def _camera(motion: Motion) -> gltf.Camera:
     )
 
 
-def _animation(people: list[_Person], name: str, buffer: Buffer) -> gltf.Animation:
-    channels, rate = Channels(name, buffer), people[0].motion.frame_rate
+def _animation(people: list[_Person], name: str, file: GltfFile) -> gltf.Animation:
+    channels, rate = Channels(name, file), people[0].motion.frame_rate
     begins = min(one.motion.first_frame for one in people)
     ends = max(one.motion.first_frame + len(one.motion) for one in people)
 

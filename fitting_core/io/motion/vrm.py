@@ -24,9 +24,7 @@ from fitting_core.animation.morphs import Morphs
 from fitting_core.animation.retargeting import RigMotion
 from fitting_core.animation.standard import bent
 from fitting_core.body.model import JOINT, BodyModel
-from fitting_core.files.atomic import replacing
-from fitting_core.io.motion.gltf_buffer import Buffer
-from fitting_core.io.motion.rig_glb import FIRST_JOINT, MESH, animation_of, joint_nodes, skinned_document
+from fitting_core.io.motion.rig_glb import FIRST_JOINT, MESH, GltfFile, animation_of, joint_nodes, skinned_file
 from fitting_core.motion import Motion, Progress, stated
 from fitting_core.shipped import FREE_FOLDER
 
@@ -68,12 +66,10 @@ def write_vrm(path: Path, motion: Motion, progress: Progress | None = None) -> N
     moving = on_standard(motion, VRM)
     still = replace(motion.one_shape[:1], contacts=None)
     surface = _avatar(motion, replace(moving, moved=moving.moved[:1], root=moving.root[:1]), still)
-    document, buffer = skinned_document(still, moving, surface, stated(motion))
-    buffer.close()
-    document.extensionsUsed = ["VRMC_vrm"]
-    document.extensions = {"VRMC_vrm": _extension(motion, moving, surface)}
-    with replacing(path) as draft:
-        document.save_binary(str(draft))
+    file = skinned_file(still, moving, surface, stated(motion))
+    file.document.extensionsUsed = ["VRMC_vrm"]
+    file.document.extensions = {"VRMC_vrm": _extension(motion, moving, surface)}
+    file.save(path)
     if progress:
         progress(1.0)
 
@@ -88,26 +84,21 @@ def write_vrm_animation(path: Path, motion: Motion, progress: Progress | None = 
     """
     moving = on_standard(motion, VRM)
     moving = replace(moving, root=moving.root - below(motion, moving))
-    joints = len(moving.target)
     expressions = _values(motion)
-    said = stated(motion.in_axes("y-up"))
-    document = gltf.GLTF2(
-        asset=gltf.Asset(version="2.0", generator="tcfit", extras=said),
-        scene=0,
-        scenes=[gltf.Scene(name=motion.name, nodes=[0])],
-        # As in the avatar's file, the joints begin at FIRST_JOINT: node 1 has no mesh here and holds the expressions.
-        nodes=[gltf.Node(name=motion.name, children=[MESH, FIRST_JOINT]), gltf.Node(name="expressions")],
-        extensionsUsed=["VRMC_vrm_animation"],
-    )
-    document.nodes += joint_nodes(moving)
-    document.nodes += [gltf.Node(name=name, translation=[0.0, 0.0, 0.0]) for name in expressions]
-    nodes = {name: FIRST_JOINT + joints + k for k, name in enumerate(expressions)}
-    document.nodes[MESH].children = list(nodes.values())
-    buffer = Buffer(document)
+    nodes = {name: FIRST_JOINT + len(moving.target) + k for k, name in enumerate(expressions)}
+    # As in the avatar's file, the joints begin at FIRST_JOINT: node 1 has no mesh here and holds the expressions.
+    above = [
+        gltf.Node(name=motion.name, children=[MESH, FIRST_JOINT]),
+        gltf.Node(name="expressions", children=list(nodes.values())),
+    ]
+    places = [gltf.Node(name=name, translation=[0.0, 0.0, 0.0]) for name in nodes]
+    file = GltfFile(motion.name, stated(motion.in_axes("y-up")), [*above, *joint_nodes(moving), *places], [0])
+    document = file.document
+    document.scenes[0].extras = {}
+    document.extensionsUsed = ["VRMC_vrm_animation"]
     # glTF has an expression's weight in the x of a node's translation.
     more = [(nodes[name], values[:, None] * (1.0, 0.0, 0.0)) for name, values in expressions.items()]
-    document.animations = [animation_of(motion, moving, buffer, more=more)]
-    buffer.close()
+    document.animations = [animation_of(motion, moving, file, more=more)]
     document.extensions = {
         "VRMC_vrm_animation": {
             "specVersion": "1.0",
@@ -115,8 +106,7 @@ def write_vrm_animation(path: Path, motion: Motion, progress: Progress | None = 
             "expressions": {"custom": {name: {"node": node} for name, node in nodes.items()}},
         }
     }
-    with replacing(path) as draft:
-        document.save_binary(str(draft))
+    file.save(path)
     if progress:
         progress(1.0)
 
