@@ -220,6 +220,12 @@ class Camera:
         """Of some frames."""
         return self if self.path is None else replace(self, path=self.path[frames])
 
+    def resized(self, size: tuple[int, int]) -> Camera:
+        """Of the same images, resized to this width and height."""
+        x, y = size[0] / self.size[0], size[1] / self.size[1]
+        focal, center = self.focal, self.center
+        return replace(self, focal=(focal[0] * x, focal[1] * y), center=(center[0] * x, center[1] * y), size=size)
+
     def to_still(self, points: Float[np.ndarray, "T *n 3"]) -> Float[np.ndarray, "T *n 3"]:
         """Points of camera space, of each frame, in still space (see `CameraPath`), metres."""
         if self.path is None:
@@ -246,8 +252,19 @@ class Camera:
 
 def path_of(rotation: Float[np.ndarray, "T 3 3"], translation: Float[np.ndarray, "T 3"]) -> CameraPath:
     """A path from arrays: x_camera = rotation x_still + translation, metres."""
-    turns = tuple(((a, b, c), (d, e, f), (g, h, i)) for (a, b, c), (d, e, f), (g, h, i) in rotation.tolist())
-    return CameraPath(rotation=turns, translation=tuple((x, y, z) for x, y, z in translation.tolist()))
+    return CameraPath(rotation=tuple(map(matrix_of, rotation)), translation=tuple(map(vector_of, translation)))
+
+
+def matrix_of(values: Float[np.ndarray, "3 3"]) -> Matrix:
+    """An array's rows."""
+    a, b, c = map(vector_of, values)
+    return a, b, c
+
+
+def vector_of(values: Float[np.ndarray, 3]) -> Vector:
+    """An array's three numbers."""
+    x, y, z = values.tolist()
+    return x, y, z
 
 
 def is_rotation(matrix: Float[np.ndarray, "3 3"]) -> bool:

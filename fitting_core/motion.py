@@ -13,7 +13,7 @@ from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams, full_pose
-from fitting_core.camera import Camera, CameraPath, World
+from fitting_core.camera import Camera, CameraPath, World, matrix_of, vector_of
 from fitting_core.errors import InputError
 from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.level import Level
@@ -161,8 +161,7 @@ class Motion:
         if self._path is not None:
             return None
         rotation = self.camera_to_world.T
-        a, b, c, place = ((x, y, z) for x, y, z in (*rotation.tolist(), (-rotation @ self.camera_place).tolist()))
-        return World(rotation=(a, b, c), translation=place)
+        return World(rotation=matrix_of(rotation), translation=vector_of(-rotation @ self.camera_place))
 
     @property
     def _path(self) -> CameraPath | None:

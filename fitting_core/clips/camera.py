@@ -18,18 +18,14 @@ from fitting_core.clips.options import CameraOptions
 from fitting_core.config.choices import DEFAULT_RULE, FocalRule
 from fitting_core.errors import InputError
 from fitting_core.io.cameras.moving import ClipFrames
-from fitting_core.io.cameras.reading import CameraFile, read_camera
+from fitting_core.io.cameras.reading import ANGLES, MAX_CENTER, CameraFile, read_camera
 
-_FOV_RANGE = (0.5, 170.0)
-"""Degrees: from a long telephoto lens to the widest that a camera without distortion describes."""
 _FOCAL_OPTIONS: dict[str, tuple[Callable[[float, tuple[int, int]], float], str]] = {
     "focal_length": (lambda pixels, size: pixels, "focal length of {:g} pixels"),
     "fov": (lambda degrees, size: focal_from_fov(degrees, size[0]), "horizontal field of view of {:g} degrees"),
     "focal_length_35mm": (focal_from_35mm, "35 mm equivalent focal length of {:g} mm"),
 }
 """By option name: its value and the image size -> focal length in pixels; and its source in words."""
-_MAX_CENTER = 2.0
-"""Cropped videos have their principal point outside the image, by at most this many image sizes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,8 +70,8 @@ def _focal_option(options: CameraOptions) -> tuple[str, float] | None:
         raise InputError(f"`{name}` is {value!r}; expected a number{more}.")
     if not (math.isfinite(value) and value > 0):
         raise InputError(f"`{name}` is {value:g}; expected a positive number.")
-    if name == "fov" and value > _FOV_RANGE[1]:
-        raise InputError(f"`fov` is {value:g}; expected degrees from left to right, up to {_FOV_RANGE[1]:g}.")
+    if name == "fov" and value > ANGLES[1]:
+        raise InputError(f"`fov` is {value:g}; expected degrees from left to right, up to {ANGLES[1]:g}.")
     return name, value
 
 
@@ -106,7 +102,7 @@ def _camera_of(size: tuple[int, int], center: tuple[float, float] | None, focal:
         _check_angle(pixels, size, words.format(focal[1]))
     middle = (size[0] / 2, size[1] / 2)
     if center is not None and not all(
-        abs(given - m) <= _MAX_CENTER * side for given, m, side in zip(center, middle, size, strict=True)
+        abs(given - m) <= MAX_CENTER * side for given, m, side in zip(center, middle, size, strict=True)
     ):
         raise InputError(
             f"`center` is ({center[0]:g}, {center[1]:g}); expected the principal point in pixels of an image of "
@@ -117,9 +113,9 @@ def _camera_of(size: tuple[int, int], center: tuple[float, float] | None, focal:
 
 def _check_angle(focal: float, size: tuple[int, int], words: str) -> None:
     degrees = 2 * math.degrees(math.atan(size[0] / 2 / focal))
-    if not _FOV_RANGE[0] <= degrees <= _FOV_RANGE[1]:
+    if not ANGLES[0] <= degrees <= ANGLES[1]:
         raise InputError(
             f"A camera with a {words} sees {degrees:.3g} degrees of an image of "
-            f"{size[0]} x {size[1]}; expected {_FOV_RANGE[0]:g} to {_FOV_RANGE[1]:g}. `focal_length` is in pixels, not "
+            f"{size[0]} x {size[1]}; expected {ANGLES[0]:g} to {ANGLES[1]:g}. `focal_length` is in pixels, not "
             "in millimetres (`focal_length_35mm`) or degrees (`fov`)."
         )

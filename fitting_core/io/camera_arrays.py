@@ -28,7 +28,9 @@ from fitting_core.camera import (
     World,
     focal_from_words,
     is_possible,
+    matrix_of,
     path_of,
+    vector_of,
 )
 from fitting_core.config.choices import Up
 
@@ -91,8 +93,7 @@ def focal_from_arrays(arrays: dict[str, np.ndarray]) -> FocalFrom:
 
 
 def _vertical(arrays: dict[str, np.ndarray]) -> Vertical:
-    x, y, z = arrays["vertical_up"].tolist()
-    return Vertical(up=(x, y, z), deviation=float(arrays["vertical_deviation"]))
+    return Vertical(up=vector_of(arrays["vertical_up"]), deviation=float(arrays["vertical_deviation"]))
 
 
 def _lens(arrays: dict[str, np.ndarray]) -> Lens:
@@ -108,7 +109,6 @@ def _path(arrays: dict[str, np.ndarray]) -> CameraPath:
 
 
 def _world(arrays: dict[str, np.ndarray]) -> World:
-    one, two, three = ((x, y, z) for x, y, z in arrays["world_rotation"].tolist())
-    x, y, z = arrays["world_translation"].tolist()
+    rotation, translation = matrix_of(arrays["world_rotation"]), vector_of(arrays["world_translation"])
     up = next((axis for axis in get_args(Up) if axis == str(arrays["world_up"])), None)
-    return World(rotation=(one, two, three), translation=(x, y, z), up=up)
+    return World(rotation=rotation, translation=translation, up=up)

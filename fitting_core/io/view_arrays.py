@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from fitting_core.camera import is_rotation, path_of
+from fitting_core.camera import is_rotation, matrix_of, vector_of
 from fitting_core.clip import Clip, OtherView
 from fitting_core.io.camera_arrays import camera_arrays, camera_from
 from fitting_core.keypoints import COUNT, Keypoints
@@ -101,12 +101,11 @@ def _view(arrays: _Prefixed) -> OtherView:
     rotation, translation = arrays.numbers("rotation", 3, 3), arrays.numbers("translation", 3)
     if not is_rotation(rotation):
         raise ValueError("the rotation of a view is not a rotation")
-    path = path_of(rotation[None], translation[None])
     deviations = zip(_DEVIATIONS, arrays.numbers("deviations", 3).tolist(), strict=True)
     agreement = zip(_AGREEMENT, arrays.numbers("agreement", 3).tolist(), strict=True)
     relation = Relation(
-        rotation=path.rotation[0],
-        translation=path.translation[0],
+        rotation=matrix_of(rotation),
+        translation=vector_of(translation),
         offset=float(arrays.numbers("offset")),
         **dict(deviations),
         **dict(agreement),

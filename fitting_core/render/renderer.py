@@ -11,7 +11,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -124,11 +124,7 @@ def _load_pyrender() -> Any:
 def scaled_camera(camera: Camera, factor: float) -> Camera:
     """The camera of the same images resized by a factor, to whole and even pixels (as video encoders want them)."""
     width, height = (max(2, 2 * round(length * factor / 2)) for length in camera.size)
-    x, y = width / camera.size[0], height / camera.size[1]
-    focal, center = camera.focal, camera.center
-    return replace(
-        camera, focal=(focal[0] * x, focal[1] * y), center=(center[0] * x, center[1] * y), size=(width, height)
-    )
+    return camera.resized((width, height))
 
 
 class _Target:

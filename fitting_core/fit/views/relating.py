@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from fitting_core.camera import path_of
+from fitting_core.camera import matrix_of, vector_of
 from fitting_core.clip import Clip, OtherView
 from fitting_core.errors import InputError
 from fitting_core.fit.views.pose import PairOfRays, Pose, alike, misses
@@ -125,12 +125,11 @@ def _relation(first: Track, other: Track, pose: Pose) -> Relation:
     rays, weights = first.smoothed_at(times)
     others, sure = other.smoothed_at(times + pose.offset)
     miss = abs(misses(rays, others, pose.rotation, pose.direction, (1.0, 1.0)))[weights * sure > 0]
-    path = path_of(pose.rotation[None], pose.direction[None] * pose.distance)
     turn, way, late = pose.deviations.tolist()
     ups = pose.rotation @ _up(first), _up(other)
     return Relation(
-        rotation=path.rotation[0],
-        translation=path.translation[0],
+        rotation=matrix_of(pose.rotation),
+        translation=vector_of(pose.direction * pose.distance),
         offset=pose.offset,
         rotation_deviation=turn,
         direction_deviation=way,

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
-from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.camera import Camera, CameraPath, FocalFrom, Lens, PathScale, Vector, World, path_of
+from fitting_core.camera import Camera, CameraPath, FocalFrom, Lens, PathScale, World, matrix_of, path_of, vector_of
 from fitting_core.config.choices import Up
 from fitting_core.errors import InputError, some_of
 from fitting_core.files.regular import legible
@@ -23,9 +22,9 @@ from fitting_core.lens import share_straightened
 
 _ASPECT = 0.005
 """Allowed difference of aspect ratios: 1280 x 720 becomes 854 x 480."""
-_ANGLES = (0.5, 170.0)
-"""Horizontal field of view in degrees."""
-_MAX_CENTER = 2.0
+ANGLES = (0.5, 170.0)
+"""Horizontal field of view in degrees: from a long telephoto lens to the widest without distortion."""
+MAX_CENTER = 2.0
 """How far the principal point may be from the image's middle, in image sizes: cropped videos have it outside."""
 _MOST_NOWHERE = 0.25
 """Share of a picture that a lens may leave undefined: more means coefficients of another model."""
@@ -189,12 +188,12 @@ def _lens(camera: Calibration, size: tuple[int, int]) -> tuple[Lens | None, tupl
 
 def _check_view(camera: Calibration, size: tuple[int, int]) -> None:
     degrees = 2 * math.degrees(math.atan(size[0] / 2 / camera.focal[0]))
-    if not _ANGLES[0] <= degrees <= _ANGLES[1]:
+    if not ANGLES[0] <= degrees <= ANGLES[1]:
         raise ValueError(
             f"sees {degrees:.3g} degrees of an image of {size[0]} x {size[1]} (focal length {camera.focal[0]:g} "
-            f"pixels); expected {_ANGLES[0]:g} to {_ANGLES[1]:g}"
+            f"pixels); expected {ANGLES[0]:g} to {ANGLES[1]:g}"
         )
-    if any(abs(at - side / 2) > _MAX_CENTER * side for at, side in zip(camera.center, size, strict=True)):
+    if any(abs(at - side / 2) > MAX_CENTER * side for at, side in zip(camera.center, size, strict=True)):
         raise ValueError(
             f"has its principal point at ({camera.center[0]:g}, {camera.center[1]:g}); expected pixels of an image of "
             f"{size[0]} x {size[1]}"
@@ -224,11 +223,7 @@ def _world(
             )
         return None, None, ()
     unit = file.unit or (1.0 if scale is None else scale.metres)
-    world = World(
-        rotation=(_vector(rotation[0]), _vector(rotation[1]), _vector(rotation[2])),
-        translation=_vector(translation * unit),
-        up=file.up or camera.up,
-    )
+    world = World(rotation=matrix_of(rotation), translation=vector_of(translation * unit), up=file.up or camera.up)
     path = None if poses is None or not poses.move else _path(poses, unit)
     return world, path, tuple(_world_notes(file, camera, world, path, scale))
 
@@ -270,8 +265,3 @@ def _world_notes(
         yield "stands in a world whose up axis is not known; exports are levelled by estimate. Give `camera_up`."
     elif world.up_in_camera[1] > 0:
         yield f"hangs upside down if {world.up} is up, as assumed; if it is not, give `camera_up`."
-
-
-def _vector(row: Float[np.ndarray, "3"]) -> Vector:
-    x, y, z = row.tolist()
-    return x, y, z

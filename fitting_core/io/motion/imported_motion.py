@@ -101,7 +101,7 @@ class ImportedMotion:
 
     def _own_camera(self, camera: Camera, focal_length: float | None) -> Camera:
         if self.camera is not None:
-            return self._scaled(self.camera, camera.size)
+            return self._resized(self.camera, camera.size)
         focal, origin = self.focal_for(camera.size), FocalFrom.PROGRAM
         if focal_length is not None:
             if not (np.isfinite(focal_length) and focal_length > 0):
@@ -112,19 +112,14 @@ class ImportedMotion:
         middle = (camera.size[0] / 2, camera.size[1] / 2)
         return Camera(focal=(focal[0], focal[0]), center=middle, size=camera.size, focal_from=origin, source=focal[1])
 
-    def _scaled(self, camera: Camera, size: tuple[int, int]) -> Camera:
+    def _resized(self, camera: Camera, size: tuple[int, int]) -> Camera:
         x, y = size[0] / camera.size[0], size[1] / camera.size[1]
         if abs(x / y - 1) > _SAME_SHAPE:
             raise InputError(
                 f"{self.source}: was found on images of {camera.size[0]} x {camera.size[1]} pixels, and the clip has "
                 f"{size[0]} x {size[1]}; expected the result of this clip."
             )
-        return replace(
-            camera,
-            focal=(camera.focal[0] * x, camera.focal[1] * y),
-            center=(camera.center[0] * x, camera.center[1] * y),
-            size=size,
-        )
+        return camera.resized(size)
 
     def for_body(self, body: BodyModel) -> "ImportedMotion":
         """Without the numbers that mean nothing for this body, with a note about it.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from fitting_core.camera import Vector, World
+from fitting_core.camera import World, matrix_of, vector_of
 from fitting_core.errors import InputError
 
 MOST_POINTS = 2000
@@ -61,18 +61,13 @@ def read_world(path: object, numbers: Sequence[float | str]) -> World | None:
     if not len(numbers):
         return None
     try:
-        a, b, c, place = np.array(numbers, float).reshape(4, 3)
-        rotation = np.stack([a, b, c])
+        pose = np.array(numbers, float).reshape(4, 3)
+        rotation = pose[:3]
         if not np.abs(rotation @ rotation.T - np.eye(3)).max() < _ROTATION_ERROR or np.linalg.det(rotation) < 0:
             raise ValueError("the first nine are not a rotation")
-        return World(rotation=(_vector(a), _vector(b), _vector(c)), translation=_vector(place))
+        return World(rotation=matrix_of(rotation), translation=vector_of(pose[3]))
     except ValueError as error:
         raise InputError(
             f"{path}: its camera pose is not a rotation and a position ({error!s:.80}); expected nine and "
             "three numbers, as tcfit wrote them. Export it again, or remove them."
         ) from error
-
-
-def _vector(values: Float[np.ndarray, "3"]) -> Vector:
-    x, y, z = values.tolist()
-    return x, y, z
