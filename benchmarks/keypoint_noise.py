@@ -78,7 +78,7 @@ PARTS = list(dict.fromkeys(part(k) for k in range(25)))
 
 def detected(folder: Path) -> Keypoints:
     """Of the most prominent person."""
-    return choose_person(read_detections(folder)).keypoints
+    return choose_person(read_detections(folder))[0].keypoints
 
 
 def balancing(view: str, keypoints: Keypoints) -> Errors:

@@ -209,14 +209,14 @@ def read_clip(
     video = None if video is None else Path(video)
     keypoints = None if keypoints is None else Path(keypoints)
     shot = read_shot(video, keypoints, clip, camera, detector=detector, tell=tell)
-    choice = choose_person(
+    found, choice = choose_person(
         shot.detections, person=clip.person, first_frame=shot.first_frame, frame_rate=shot.frame_rate
     )
-    of_places = check_inside(choice.keypoints, shot.size)
-    seen, of_camera = shot.camera(choice.keypoints)
-    of_person = (choice.note,) if choice.note else ()
+    of_places = check_inside(found.keypoints, shot.size)
+    seen, of_camera = shot.camera(found.keypoints)
+    of_person = (choice,) if choice else ()
     return shot.clip(
-        choice.keypoints, seen, entries=choice.entries, of_person=of_person, of_places=of_places, of_camera=of_camera
+        found.keypoints, seen, entries=found.entries, of_person=of_person, of_places=of_places, of_camera=of_camera
     )
 
 
@@ -253,8 +253,8 @@ def read_keypoints(path: StrPath, clip: Clip) -> tuple[Keypoints, tuple[str, ...
     part = chosen(timeline, clip.first_frame, clip.first_frame + len(clip) - 1)
     aligned, notes = align(detections, timeline)
     first = timeline.numbers[part.start]
-    found = choose_person(aligned[part], first_frame=first, frame_rate=clip.frame_rate)
-    of_person = (found.note,) if found.note else ()
+    found, choice = choose_person(aligned[part], first_frame=first, frame_rate=clip.frame_rate)
+    of_person = (choice,) if choice else ()
     straight, of_lens = straightened_keypoints(found.keypoints, clip.camera.lens)
     of_places = check_inside(found.keypoints, clip.camera.size)
     said = (*detections.notes, *notes, *of_person, *scale_notes, *of_places, *of_lens)

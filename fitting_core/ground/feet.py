@@ -7,12 +7,12 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
-from fitting_core.body import rotations
 from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT, BodyModel
-from fitting_core.body.params import BodyParams, full_pose
+from fitting_core.body.params import BodyParams
 from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import Joint, keypoint_points
+from fitting_core.body.points.positions import posed_points
 from fitting_core.ground.contacts import FOOT_POINTS
 
 _CHUNK = 1024
@@ -58,8 +58,7 @@ class Stance:
 
 def stance_of(body: BodyModel, params: BodyParams) -> Stance:
     """Feet and trunk of T frames."""
-    points = _points(body)
-    found = np.concatenate([_posed(points, body, params[part]) for part in torch.arange(len(params)).split(_CHUNK)])
+    found = posed_points(_points(body), body, params, together=_CHUNK)
     feet = found[:, : FOOT_POINTS.size].reshape(-1, *FOOT_POINTS.shape, 3)
     at = dict(zip(_JOINTS, found[:, FOOT_POINTS.size :].swapaxes(0, 1), strict=True))
     parts = [share * ((1 - way) * _middle(at, one) + way * _middle(at, other)) for one, other, share, way in _SEGMENTS]
@@ -75,14 +74,6 @@ def stance_of(body: BodyModel, params: BodyParams) -> Stance:
 def _middle(at: dict[str, np.ndarray], part: str) -> Float[np.ndarray, "T 3"]:
     """A joint's place, or the middle between the left and the right one."""
     return at[part] if part in at else (at[f"left_{part}"] + at[f"right_{part}"]) / 2
-
-
-def _posed(points: BodyPoints, body: BodyModel, params: BodyParams) -> Float[np.ndarray, "T N 3"]:
-    params = params.to(dtype=points.dtype, device=points.device)
-    local = full_pose(body, params)
-    shape = torch.cat([params.betas, params.expression], 1)
-    posed = points.forward(rotations.exp(local[:, 0]), local[:, 1:], shape, None).points
-    return (posed + params.camera_translation[:, None]).numpy()
 
 
 @lru_cache(maxsize=2)

@@ -52,10 +52,7 @@ def motion_of(fit: FitResult, clip: Clip, body: BodyModel, *, phase: int | None 
     Raises:
         InputError: The fit has no such phase.
     """
-    chosen = fit.last if phase is None else fit.phase(phase)
-    if chosen is None:
-        there = ", ".join(str(p.phase) for p in fit.phases)
-        raise InputError(f"The fit has no phase {phase}; expected one of {there}.")
+    chosen = fit.chosen(phase)
     return Motion(
         body=body,
         params=chosen.params,

@@ -4,7 +4,6 @@ import os
 
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
-from fitting_core.errors import InputError
 from fitting_core.files.regular import StrPath
 from fitting_core.measure.comparison import Comparison, compare
 from fitting_core.measure.pairing import PosedMotion
@@ -43,15 +42,10 @@ def evaluate_fit(
     Raises:
         InputError: The fit has no such phase, or the reference cannot be read or has no frame in common with it.
     """
-    chosen = fit.last if phase is None else fit.phase(phase)
-    if chosen is None:
-        raise InputError(
-            f"The fit has no phase {phase}; expected one of {', '.join(str(p.phase) for p in fit.phases)}."
-        )
     known = read_reference(reference) if isinstance(reference, str | os.PathLike) else reference
     estimate = PosedMotion(
         body=body,
-        params=chosen.params,
+        params=fit.chosen(phase).params,
         camera=fit.camera,
         frame_rate=clip.frame_rate,
         first_frame=clip.first_frame,

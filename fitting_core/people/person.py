@@ -1,13 +1,10 @@
 """Choose one person of a clip: track all people, and take the most prominent one."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fitting_core.detections import Detections
 from fitting_core.errors import InputError
-from fitting_core.keypoints import Keypoints
-from fitting_core.people.everybody import found_person, track
+from fitting_core.people.everybody import FoundPerson, found_person, track
 from fitting_core.people.following import apart
 from fitting_core.people.returning import FollowedPerson
 from fitting_core.people.sightings import Sighting
@@ -17,18 +14,6 @@ _RIVAL = 0.7
 """Fraction of the chosen person's prominence above which another person is worth a warning."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class PersonChoice:
-    """One person's keypoints, and how they were chosen."""
-
-    keypoints: Keypoints
-    """For every frame; confidence 0 everywhere where the person was not found."""
-    entries: tuple[int | None, ...]
-    """Per frame, the person's index in the frame's list of people; None if not found."""
-    note: str
-    """The choice in words for the user; empty if there was none to make."""
-
-
 def choose_person(
     detections: Detections,
     *,
@@ -36,12 +21,12 @@ def choose_person(
     seen: tuple[int, int] | None = None,
     first_frame: int = 0,
     frame_rate: float = 30.0,
-) -> PersonChoice:
-    """Choose one person over the clip. Raises InputError if there is no detection in the whole clip, or no frame with
-    enough people.
+) -> tuple[FoundPerson, str]:
+    """One person over the clip, and the choice in words; empty if there was none to make.
 
     All people are tracked as in `find_all_people`. Without an option, the one with the largest sum of size times mean
     confidence is taken; others do not fill the gaps. Frames in which the person may be confused with another are noted.
+    Raises InputError if there is no detection in the whole clip, or no frame with enough people.
 
     Args:
         detections: In pixels.
@@ -71,7 +56,7 @@ def choose_person(
     if len(people) > 1 and found.uncertain:
         frames = spans([first_frame + t for doubt in found.uncertain for t in doubt])
         note += f" Over frames {frames} the person may be confused with another: check that it is the same one."
-    return PersonChoice(keypoints=found.keypoints, entries=found.entries, note=note)
+    return found, note
 
 
 def _at(people: list[FollowedPerson], detections: Detections, frame: int, entry: int) -> FollowedPerson:

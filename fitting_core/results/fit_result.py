@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
+from fitting_core.errors import InputError
 from fitting_core.ground.grounding import Grounding
 from fitting_core.results.error_bars import ErrorBars
 from fitting_core.results.given_start import GivenStart
@@ -62,6 +63,14 @@ class FitResult:
     def phase(self, number: int) -> PhaseResult | None:
         """The result of a phase, if it finished."""
         return next((p for p in self.phases if p.phase == number), None)
+
+    def chosen(self, phase: int | None) -> PhaseResult:
+        """The result of a phase; None: of the last. Raises InputError if the fit has no such phase."""
+        found = self.last if phase is None else self.phase(phase)
+        if found is None:
+            there = ", ".join(str(p.phase) for p in self.phases)
+            raise InputError(f"The fit has no phase {phase}; expected one of {there}.")
+        return found
 
 
 def stopped_note(phase: int) -> str:

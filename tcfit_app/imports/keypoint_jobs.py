@@ -159,15 +159,15 @@ class Detect:
         detections = found_detections(with_somebody(found, clip.source), clip.source)
         seen = self._seen(found)
         person = self.person if seen is None else None
-        choice = choose_person(
+        one, choice = choose_person(
             detections, person=person, seen=seen, first_frame=clip.first_frame, frame_rate=clip.frame_rate
         )
-        keypoints, of_lens = straightened_keypoints(choice.keypoints, clip.camera.lens)
+        keypoints, of_lens = straightened_keypoints(one.keypoints, clip.camera.lens)
         return FoundKeypoints(
             keypoints=keypoints,
-            notes=(*detections.notes, *([choice.note] if choice.note else []), *of_lens),
+            notes=(*detections.notes, *([choice] if choice else []), *of_lens),
             detector=found.points,
-            silhouettes=silhouettes_of(found, choice.entries),
+            silhouettes=silhouettes_of(found, one.entries),
             camera=_camera(clip, keypoints, pictures),
         )
 

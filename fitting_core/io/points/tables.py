@@ -1,11 +1,13 @@
 """Tables of a motion: intervals in which each foot stands, also as events, and positions of the joints."""
 
 import csv
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float
 
 from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINTS
@@ -99,7 +101,19 @@ def write_contacts(path: Path, motion: Motion) -> None:
             table.writerow([stand.side, frames.start, frames[-1], *times, stand.begins, stand.ends])
 
 
-_DECIMALS = 5
+def write_frames_csv(
+    path: Path, motion: Motion, about: Iterable[str], columns: Mapping[str, Float[np.ndarray, "T"]], *, digits: int
+) -> None:
+    """A row for each frame: its number, seconds in the video, and columns with so many digits after the point; empty
+    for NaN. What it is about comes first, in lines that begin with #. Raises OSError as `write_contacts` does."""
+    frames = motion.first_frame + np.arange(len(motion))
+    with replacing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
+        file.writelines(f"# {line}\n" for line in about)
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["frame", "time_s", *columns])
+        for frame, row in zip(frames, np.stack(list(columns.values()), 1), strict=True):
+            cells = ["" if np.isnan(value) else f"{value:.{digits}f}" for value in row]
+            writer.writerow([frame, f"{frame / motion.frame_rate:.6f}", *cells])
 
 
 def write_joints_csv(path: Path, motion: Motion) -> None:
@@ -110,15 +124,9 @@ def write_joints_csv(path: Path, motion: Motion) -> None:
     bars = motion.error_bars or ErrorBars.unknown(len(motion))
     names += [f"{joint}_error_bar_{direction}" for joint in error_bars.JOINTS for direction in DIRECTIONS]
     values = np.concatenate([motion.joints().reshape(len(motion), -1), bars.joints.reshape(len(motion), -1)], 1)
-    frames = motion.first_frame + np.arange(len(motion))
-    with replacing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
-        file.write(f"# Joints of {motion.name}, metres. World: {motion.axes_text}.\n")
-        file.write(
-            "# error_bar: 68 % of errors relative to the pelvis lie within it, along the camera's ray through the "
-            f"joint or across it, and 95 % within {WIDER:g} times as much; empty where it is not known.\n"
-        )
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["frame", "time_s", *names])
-        for frame, row in zip(frames, values, strict=True):
-            cells = ["" if np.isnan(value) else f"{value:.{_DECIMALS}f}" for value in row]
-            writer.writerow([frame, f"{frame / motion.frame_rate:.6f}", *cells])
+    about = (
+        f"Joints of {motion.name}, metres. World: {motion.axes_text}.",
+        "error_bar: 68 % of errors relative to the pelvis lie within it, along the camera's ray through the joint or "
+        f"across it, and 95 % within {WIDER:g} times as much; empty where it is not known.",
+    )
+    write_frames_csv(path, motion, about, dict(zip(names, values.T, strict=True)), digits=5)

@@ -1,19 +1,17 @@
 """Joint angles as files: a table for statistics, and a motion for OpenSim."""
 
-import csv
 from pathlib import Path
 
 import numpy as np
 
 from fitting_core.files.atomic import replacing
+from fitting_core.io.points.tables import write_frames_csv
 from fitting_core.measure.angles.cardan import SINGULAR
 from fitting_core.measure.angles.joint_angles import ANATOMICAL_JOINTS, ANGLES, UNSEEN, joint_angles
 from fitting_core.measure.angles.opensim import LOCKED, opensim_coordinates
 from fitting_core.motion import Motion
 from fitting_core.results.error_bars import ANGLES as BARRED
 from fitting_core.results.error_bars import WIDER, ErrorBars
-
-_DECIMALS = 4
 
 
 def write_angles_csv(path: Path, motion: Motion) -> None:
@@ -27,14 +25,7 @@ def write_angles_csv(path: Path, motion: Motion) -> None:
     """
     columns, bars = joint_angles(motion), motion.error_bars or ErrorBars.unknown(len(motion))
     columns |= {f"{name}_error_bar": values for name, values in zip(BARRED, bars.angles.T, strict=True)}
-    frames = motion.first_frame + np.arange(len(motion))
-    with replacing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
-        file.writelines(f"# {line}\n" for line in _conventions(motion))
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["frame", "time_s", *columns])
-        for frame, values in zip(frames, np.stack(list(columns.values()), -1), strict=True):
-            row = ["" if np.isnan(value) else f"{value:.{_DECIMALS}f}" for value in values]
-            writer.writerow([frame, f"{frame / motion.frame_rate:.6f}", *row])
+    write_frames_csv(path, motion, _conventions(motion), columns, digits=4)
 
 
 def _conventions(motion: Motion) -> list[str]:
