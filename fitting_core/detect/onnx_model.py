@@ -11,11 +11,10 @@ from queue import SimpleQueue
 from typing import Any, Literal
 
 import numpy as np
-from google.protobuf.empty_pb2 import Empty
 from google.protobuf.message import DecodeError
-from google.protobuf.unknown_fields import UnknownFieldSet
 from jaxtyping import Float32
 
+from fitting_core.detect.onnx_file import Model
 from fitting_core.detect.runtime import onnxruntime
 from fitting_core.errors import InputError
 from fitting_core.files.regular import refusal, regular_file
@@ -192,27 +191,14 @@ def _first_line(error: Exception) -> str:
     return str(error).strip().splitlines()[0].rstrip(".")[:300] if str(error).strip() else type(error).__name__
 
 
-# onnxruntime does not tell which operators take the image. ONNX files are protocol buffers, of which four fields are
-# needed here: protobuf, which onnxruntime brings, reads them without the package `onnx` (onnx.proto has the numbers).
-_GRAPH, _NODE, _NODE_INPUT, _OPERATOR = 7, 1, 1, 4
-"""Numbers of the fields ModelProto.graph, GraphProto.node, NodeProto.input and NodeProto.op_type."""
-
-
 def consumers(path: Path, tensor: str) -> tuple[str, ...]:
-    """The operators that take a tensor, such as ("Conv",), in the order of the file. Raises InputError if the file is
-    not an ONNX model, or cut off."""
+    """The operators that take a tensor, such as ("Conv",), in the order of the file: onnxruntime does not tell. Raises
+    InputError if the file is not an ONNX model, or cut off."""
     try:
-        nodes = [node for graph in _parts(regular_file(path).read_bytes(), _GRAPH) for node in _parts(graph, _NODE)]
-        taking = [node for node in nodes if tensor.encode() in _parts(node, _NODE_INPUT)]
-        return tuple(_parts(node, _OPERATOR)[0].decode() for node in taking)
-    except (DecodeError, UnicodeDecodeError, IndexError) as error:
+        nodes = Model.FromString(regular_file(path).read_bytes()).graph.node
+        return tuple(node.op_type for node in nodes if tensor in node.input)
+    except (DecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: is not an ONNX model, or was not fully copied ({error}).") from error
-
-
-def _parts(message: bytes, field: int) -> list[bytes]:
-    """All values of a field that holds texts or other messages."""
-    found = UnknownFieldSet(Empty.FromString(message))
-    return [part.data for part in found if part.field_number == field and isinstance(part.data, bytes)]
 
 
 POINT_SETS = {

@@ -8,12 +8,13 @@ them, and N C H W inside, as ONNX wants them.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fitting_core.detect.mediapipe.networks import IMAGES
-from fitting_core.detect.mediapipe.onnx_file import TYPES, Attribute, Node, onnx_bytes
 from fitting_core.detect.mediapipe.tflite_file import Operator, TfliteFile, read_tflite
+from fitting_core.detect.onnx_file import TYPES, Attribute, node_of, onnx_bytes
 
 _SAME = 0
 """Padding that keeps the size, apart from strides; the other kind has none."""
@@ -58,7 +59,7 @@ class _Graph:
     """The ONNX network under construction."""
 
     network: TfliteFile
-    nodes: list[Node] = field(default_factory=list)
+    nodes: list[dict[str, Any]] = field(default_factory=list)
     weights: dict[str, np.ndarray] = field(default_factory=dict)
     names: dict[int, str] = field(default_factory=dict)
     """Of the tensors that have been computed, by number; those of four dimensions are N C H W."""
@@ -96,7 +97,7 @@ class _Graph:
     def emit(self, operator: str, inputs: Sequence[str], tensor: int | None = None, **attributes: Attribute) -> str:
         """Add a step; its result is `tensor` from now on."""
         output = f"{operator}_{len(self.nodes)}"
-        self.nodes.append(Node(operator=operator, inputs=inputs, output=output, attributes=attributes))
+        self.nodes.append(node_of(operator, inputs, output, attributes))
         if tensor is not None:
             self.names[tensor] = output
         return output
@@ -120,7 +121,7 @@ class _Graph:
     def give(self, tensor: int) -> None:
         """Make a tensor an output, under its name in the file."""
         name = self.network.tensors[tensor].name
-        self.nodes.append(Node(operator="Identity", inputs=[self.channels_last(tensor)], output=name))
+        self.nodes.append(node_of("Identity", [self.channels_last(tensor)], name, {}))
 
 
 def _widened(graph: _Graph, operator: Operator) -> None:
@@ -232,12 +233,8 @@ def _prelu(graph: _Graph, operator: Operator) -> None:
     graph.emit("PRelu", [graph.names[operator.inputs[0]], slopes], operator.outputs[0])
 
 
-def _relu(graph: _Graph, operator: Operator) -> None:
-    graph.emit("Relu", [graph.names[operator.inputs[0]]], operator.outputs[0])
-
-
-def _sigmoid(graph: _Graph, operator: Operator) -> None:
-    graph.emit("Sigmoid", [graph.names[operator.inputs[0]]], operator.outputs[0])
+def _of_each(name: str) -> Callable[[_Graph, Operator], object]:
+    return lambda graph, operator: graph.emit(name, [graph.names[operator.inputs[0]]], operator.outputs[0])
 
 
 def _mean(graph: _Graph, operator: Operator) -> None:
@@ -285,7 +282,7 @@ def _expect(is_so: bool, otherwise: str) -> None:
         raise ValueError(f"{otherwise}, which MediaPipe's networks do not")
 
 
-_OPERATORS: dict[str, Callable[[_Graph, Operator], None]] = {
+_OPERATORS: dict[str, Callable[[_Graph, Operator], object]] = {
     "ADD": _sum,
     "CONCATENATION": _concatenated,
     "CONV_2D": _convolution,
@@ -294,12 +291,12 @@ _OPERATORS: dict[str, Callable[[_Graph, Operator], None]] = {
     "DEPTH_TO_SPACE": _depth_to_space,
     "DEQUANTIZE": _widened,
     "FULLY_CONNECTED": _fully_connected,
-    "LOGISTIC": _sigmoid,
+    "LOGISTIC": _of_each("Sigmoid"),
     "MAX_POOL_2D": _largest,
     "MEAN": _mean,
     "PAD": _padded,
     "PRELU": _prelu,
-    "RELU": _relu,
+    "RELU": _of_each("Relu"),
     "RESHAPE": _reshaped,
     "RESIZE_BILINEAR": _resized,
     "STRIDED_SLICE": _sliced,
