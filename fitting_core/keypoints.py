@@ -44,6 +44,7 @@ SEEN = 0.2
 GROUPS = {"body": BODY, "left_hand": LEFT_HAND, "right_hand": RIGHT_HAND, "face": FACE}
 
 Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
 PartOfPerson = Literal["person", "left_hand", "right_hand", "face"]
 PARTS: dict[PartOfPerson, slice] = {
     "person": slice(0, COUNT),
@@ -106,15 +107,12 @@ LIMBS = [
 LOCKABLE = {INDEX["nose"]: "head"} | {INDEX[name]: name for name in ("neck", *(BODY_25[i] for i in LIMBS))}
 """Keypoints by which a joint of the body can be locked as it is turned, and that joint's name."""
 
-_HAND_STARTS: dict[Side, int] = {"left": LEFT_HAND.start, "right": RIGHT_HAND.start}
 FINGER_JOINTS: dict[Side, tuple[int, ...]] = {
-    side: tuple(start + HAND_21.index(f"{finger}{k}") for finger in FINGERS for k in (1, 2, 3))
-    for side, start in _HAND_STARTS.items()
+    side: tuple(INDEX[f"{side}_{finger}{k}"] for finger in FINGERS for k in (1, 2, 3)) for side in SIDES
 }
 """The keypoints on the 15 finger joints of a hand, in SMPL-X's order: by their turns a person states its shape."""
 _BEYOND_KNUCKLES = {
-    side: np.array([start + HAND_21.index(f"{finger}{k}") for finger in FINGERS for k in (2, 3, 4)])
-    for side, start in _HAND_STARTS.items()
+    side: np.array([INDEX[f"{side}_{finger}{k}"] for finger in FINGERS for k in (2, 3, 4)]) for side in SIDES
 }
 
 

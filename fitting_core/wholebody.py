@@ -27,6 +27,20 @@ PLACES: tuple[int, ...] = (
 Face and hands are in the same order in both: 68 points as of iBUG 300-W, the person's right side first; hands wrist
 first, then thumb to little finger.
 """
+FACE_MESH = (
+    127, 234, 132, 58, 172, 150, 149, 148, 152, 377, 378, 379, 397, 288, 361, 454, 356,  # contour
+    70, 63, 105, 66, 107, 336, 296, 334, 293, 300,  # brows
+    168, 197, 5, 4, 98, 97, 2, 326, 327,  # nose
+    33, 160, 158, 133, 153, 144, 362, 385, 387, 263, 373, 380,  # lids
+    61, 40, 37, 0, 267, 270, 291, 321, 314, 17, 84, 91,  # outer lips
+    78, 81, 13, 311, 308, 402, 14, 178,  # inner lips
+    468, 473,  # pupils
+)  # fmt: skip
+"""The nearest of MediaPipe's 478 points for each of our 70 face points; only its refined mesh has pupils.
+
+Chosen by eye on pictures of both; all pairs mirror each other. Contour points, from the person's right, lie on the
+mesh's outline, where a 68-point detector sees the jaw.
+"""
 MEANS: dict[str, tuple[str, str]] = {"neck": ("left_shoulder", "right_shoulder"), "mid_hip": ("left_hip", "right_hip")}
 """Points of BODY_25 that are taken to lie between two others."""
 ABSENT = ("face_right_pupil", "face_left_pupil")

@@ -4,9 +4,6 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
-from fitting_core.keypoints import Side
-
-SIDES: tuple[Side, Side] = ("left", "right")
 MIRROR = np.array([-1.0, 1.0, 1.0])
 """Multiplies positions: swaps the body's left and right."""
 MIRROR_ROTATION = np.array([1.0, -1.0, -1.0])

@@ -5,10 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from fitting_core.body.geometry import MIRROR_ROTATION
 from fitting_core.keypoints import FINGERS, Side
-
-_MIRROR = np.array([1.0, -1.0, -1.0])
-"""From the left hand's axis-angle to the right hand's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,4 +127,4 @@ def finger_angles(shape: Handshape, side: Side) -> Float[np.ndarray, "15 3"]:
 
 def in_hand(angles: Float[np.ndarray, "*b 15 3"], side: Side) -> Float[np.ndarray, "*b 15 3"]:
     """Angles of a left hand's finger joints in the hand of this side, and of this side's in a left hand."""
-    return angles * (1.0 if side == "left" else _MIRROR)
+    return angles * (1.0 if side == "left" else MIRROR_ROTATION)

@@ -10,12 +10,12 @@ from fitting_core.detect.mediapipe import body as blaze
 from fitting_core.detect.mediapipe.body import Body
 from fitting_core.detect.mediapipe.detector import MediaPipe
 from fitting_core.detect.mediapipe.face import Face, square_at_head
-from fitting_core.detect.mediapipe.hands import SIDES, Hand, Side
+from fitting_core.detect.mediapipe.hands import Hand
 from fitting_core.detect.mediapipe.hands_and_face import SeenParts, worth_of
 from fitting_core.detect.mediapipe.openpose_points import points_of
 from fitting_core.detect.mediapipe.squares import Image, Square, of_box
 from fitting_core.errors import InputError
-from fitting_core.keypoints import BODY, COUNT, PARTS, PartOfPerson
+from fitting_core.keypoints import BODY, COUNT, PARTS, SIDES, PartOfPerson, Side
 from fitting_core.video.frames import FrameSource
 
 _LEAST_PERSON, _LEAST_BODY, _LEAST_HAND = 0.2, 0.3, 0.05
@@ -78,8 +78,8 @@ class _SecondLook:
         elif self._part == "face":
             seen = SeenParts(face=self._face(image, body))
         else:
-            side = self._part.removesuffix("_hand")
-            seen = SeenParts(hands=dict.fromkeys(SIDES) | {side: self._hand(image, body, side)})
+            asked = self._part.removesuffix("_hand")
+            seen = SeenParts(hands={s: self._hand(image, body, s) if s == asked else None for s in SIDES})
         points = points_of(body, seen.hands, seen.face, self._size)
         points[: self._points.start] = points[self._points.stop :] = 0
         return points

@@ -8,12 +8,11 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter1d
 
 from fitting_core import keypoints as kp
-from fitting_core.body.geometry import SIDES
 from fitting_core.camera import Camera
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.gravity import Gravity
 from fitting_core.ground.placing import pelvis_positions, rays_of
-from fitting_core.keypoints import SEEN
+from fitting_core.keypoints import SEEN, SIDES
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
 from fitting_core.video.frame_names import spans
 

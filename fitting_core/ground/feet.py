@@ -7,13 +7,13 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
-from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import Joint, keypoint_points
 from fitting_core.body.points.positions import posed_points
 from fitting_core.ground.contacts import FOOT_POINTS
+from fitting_core.keypoints import SIDES
 
 _CHUNK = 1024
 """Frames posed per batch."""

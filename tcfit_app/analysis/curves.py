@@ -8,11 +8,10 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float32
 
-from fitting_core.body.geometry import SIDES, Side
 from fitting_core.body.model import JOINT, N_JOINTS
 from fitting_core.errors import InputError
 from fitting_core.fit.terms.temporal import off_mean
-from fitting_core.keypoints import COUNT, GROUPS, INDEX
+from fitting_core.keypoints import COUNT, GROUPS, INDEX, SIDES, Side
 from fitting_core.measure.angles.joint_angles import joint_angle
 from fitting_core.measure.hands.phases import wrist_speed
 from fitting_core.results.error_bars import ANGLES

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core import keypoints as kp
-from fitting_core.body.geometry import SIDES
 from fitting_core.frame_runs import runs_where
+from fitting_core.keypoints import SIDES
 from fitting_core.measure.hands.phases import HOLD, MOVEMENT, REST, hand_phases
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.seen import evident

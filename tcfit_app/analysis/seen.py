@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from fitting_core import keypoints as kp
-from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINTS
+from fitting_core.keypoints import SIDES
 from tcfit_app.analysis.body_regions import REGIONS
 
 FAINT = 0.4

@@ -24,13 +24,13 @@ from fitting_core.detect.mediapipe import networks
 from fitting_core.detect.mediapipe.body import Body, BodyNetwork, square_of
 from fitting_core.detect.mediapipe.face import Face
 from fitting_core.detect.mediapipe.following import Followed, Followers, Stretch
-from fitting_core.detect.mediapipe.hands import SIDES, Hand
+from fitting_core.detect.mediapipe.hands import Hand
 from fitting_core.detect.mediapipe.hands_and_face import PartsFinder, SeenParts
 from fitting_core.detect.mediapipe.openpose_points import points_of
 from fitting_core.detect.mediapipe.single_shot import SingleShot
 from fitting_core.detect.mediapipe.squares import Image, Square
 from fitting_core.detect.part import Part
-from fitting_core.keypoints import COUNT
+from fitting_core.keypoints import COUNT, SIDES
 from fitting_core.silhouettes import silhouette_size
 from fitting_core.video.frames import FrameSource
 

@@ -14,10 +14,8 @@ from fitting_core.detect.mediapipe.body import Body
 from fitting_core.detect.mediapipe.networks import Network
 from fitting_core.detect.mediapipe.single_shot import Found
 from fitting_core.detect.mediapipe.squares import Image, Square, around, of_box, picture, turn_from
+from fitting_core.keypoints import Side
 
-Side = str
-"""left or right: the person's."""
-SIDES: tuple[Side, Side] = ("left", "right")
 COUNT = 21
 WRISTS = {"left": blaze.LEFT_WRIST, "right": blaze.RIGHT_WRIST}
 

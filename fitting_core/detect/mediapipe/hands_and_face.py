@@ -7,18 +7,10 @@ import numpy as np
 
 from fitting_core.detect.mediapipe.body import Body
 from fitting_core.detect.mediapipe.face import Face, FaceNetwork, square_at_head, square_of_found
-from fitting_core.detect.mediapipe.hands import (
-    SIDES,
-    WRISTS,
-    Hand,
-    HandNetwork,
-    Side,
-    different,
-    square_at_wrist,
-    square_of_palm,
-)
+from fitting_core.detect.mediapipe.hands import WRISTS, Hand, HandNetwork, different, square_at_wrist, square_of_palm
 from fitting_core.detect.mediapipe.single_shot import SingleShot
 from fitting_core.detect.mediapipe.squares import Image, Square
+from fitting_core.keypoints import SIDES, Side
 
 KEPT = 0.1
 """Hands of a lower score are dropped; those up to a sure one are reported with little confidence."""

@@ -4,14 +4,17 @@ BlazePose has no small toes. With big toes alone the fits of 16 photographs bend
 toes 24 mm back and 40 mm out of the big ones by 14 (15.5 from OpenPose's points), so they are made up.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from jaxtyping import Float
 
 from fitting_core.detect.mediapipe import body as blaze
 from fitting_core.detect.mediapipe.body import Body
 from fitting_core.detect.mediapipe.face import Face
-from fitting_core.detect.mediapipe.hands import SIDES, Hand
-from fitting_core.keypoints import BODY_25, COUNT, FACE, INDEX, LEFT_HAND, RIGHT_HAND
+from fitting_core.detect.mediapipe.hands import Hand
+from fitting_core.keypoints import BODY_25, COUNT, FACE, GROUPS, INDEX, SIDES, Side
+from fitting_core.wholebody import FACE_MESH, MEANS
 
 _BODY = {
     INDEX[name]: getattr(blaze, name.upper().replace("BIG_TOE", "TOE"))
@@ -19,21 +22,9 @@ _BODY = {
     if name not in ("neck", "mid_hip") and "small_toe" not in name
 }
 """Place among the 137 -> place among BlazePose's 33."""
-_MEANS = {
-    INDEX["neck"]: (blaze.LEFT_SHOULDER, blaze.RIGHT_SHOULDER),
-    INDEX["mid_hip"]: (blaze.LEFT_HIP, blaze.RIGHT_HIP),
-}
-_HANDS = {"left": LEFT_HAND, "right": RIGHT_HAND}
-_FACE = [
-    127, 234, 132, 58, 172, 150, 149, 148, 152, 377, 378, 379, 397, 288, 361, 454, 356,  # jaw, from the person's right
-    70, 63, 105, 66, 107, 336, 296, 334, 293, 300,  # brows
-    168, 197, 5, 4, 98, 97, 2, 326, 327,  # nose
-    33, 160, 158, 133, 153, 144, 362, 385, 387, 263, 373, 380,  # lids
-    61, 40, 37, 0, 267, 270, 291, 321, 314, 17, 84, 91,  # outer lips
-    78, 81, 13, 311, 308, 402, 14, 178,  # inner lips
-]  # fmt: skip
-"""Of the face's first 68 points, the place among the 468; chosen by eye on pictures of both."""
-_LIDS = ([33, 160, 158, 133, 153, 144], [362, 385, 387, 263, 373, 380])
+_MEANS = {INDEX[name]: [getattr(blaze, part.upper()) for part in parts] for name, parts in MEANS.items()}
+_FACE = list(FACE_MESH[:68])
+_LIDS = (_FACE[36:42], _FACE[42:48])
 """Right and left: a pupil is put in their middle."""
 _PUPIL = 0.5
 """Of the face's score: the gaze is not seen."""
@@ -61,7 +52,7 @@ _TRUNK, _LIMBS = slice(blaze.LEFT_SHOULDER, blaze.LEFT_KNEE), slice(blaze.LEFT_S
 
 
 def points_of(
-    body: Body | None, hands: dict[str, Hand | None], face: Face | None, size: tuple[int, int]
+    body: Body | None, hands: Mapping[Side, Hand | None], face: Face | None, size: tuple[int, int]
 ) -> Float[np.ndarray, "137 3"]:
     """x, y in pixels and confidence of a person's points; (0, 0, 0) for what was not found.
 
@@ -76,9 +67,9 @@ def points_of(
         _put_body(points, body, size)
     for side in SIDES:
         if (hand := hands[side]) is not None:
-            points[_HANDS[side], :2] = hand.xy
-            sure = hand.looks(side)
-            points[_HANDS[side], 2] = sure * (1.0 if sure > SURE_HAND else 0.5) * inside(hand.xy, size)
+            place, sure = GROUPS[f"{side}_hand"], hand.looks(side)
+            points[place, :2] = hand.xy
+            points[place, 2] = sure * (1.0 if sure > SURE_HAND else 0.5) * inside(hand.xy, size)
     if face is not None:
         start = FACE.start
         points[start : start + len(_FACE)] = np.column_stack([face.xy[_FACE], np.full(len(_FACE), face.score)])

@@ -11,7 +11,7 @@ from fitting_core.io.keypoints.json_points import MIN_CONFIDENCE, checked_points
 from fitting_core.io.keypoints.pose_binary import Component, PoseFile, read_pose_file, write_pose_file
 from fitting_core.keypoint_noise import COCO_WHOLEBODY, MEDIAPIPE, OPENPOSE
 from fitting_core.keypoints import BODY_25, BONES, COUNT, FACE, GROUPS, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
-from fitting_core.wholebody import COCO_17, FEET_6, with_means
+from fitting_core.wholebody import COCO_17, FACE_MESH, FEET_6, with_means
 
 _SHORT = {"right_": "R", "left_": "L"}
 
@@ -56,19 +56,6 @@ _MEDIAPIPE_BODY = {
     "LEFT_FOOT_INDEX": "left_big_toe", "RIGHT_FOOT_INDEX": "right_big_toe",
 }
 """The others (corners of eyes and mouth, fingers of the body model) have no equivalent among ours, or a better one."""
-_FACE_MESH = (
-    127, 234, 132, 58, 172, 150, 149, 148, 152, 377, 378, 379, 397, 288, 361, 454, 356,
-    70, 63, 105, 66, 107, 336, 296, 334, 293, 300,
-    168, 197, 5, 4, 98, 97, 2, 326, 327,
-    33, 160, 158, 133, 153, 144, 362, 385, 387, 263, 373, 380,
-    61, 40, 37, 0, 267, 270, 291, 321, 314, 17, 84, 91,
-    78, 81, 13, 311, 308, 402, 14, 178,
-    468, 473,
-)
-"""The nearest of MediaPipe's 478 points for each of our 70 face points; only its refined mesh has pupils.
-
-All pairs mirror each other. Contour points lie on the mesh's outline, where a 68-point detector sees the jaw.
-"""
 # fmt: on
 _FACE_70 = range(FACE.start, FACE.stop)
 
@@ -85,7 +72,7 @@ COMPONENTS: dict[str, dict[str, int]] = {
     "hand_left_keypoints_2d": _hand(LEFT_HAND, _OPENPOSE_HAND),
     "hand_right_keypoints_2d": _hand(RIGHT_HAND, _OPENPOSE_HAND),
     "POSE_LANDMARKS": {name: INDEX[ours] for name, ours in _MEDIAPIPE_BODY.items()},
-    "FACE_LANDMARKS": {str(point): place for point, place in zip(_FACE_MESH, _FACE_70, strict=True)},
+    "FACE_LANDMARKS": {str(point): place for point, place in zip(FACE_MESH, _FACE_70, strict=True)},
     "LEFT_HAND_LANDMARKS": _hand(LEFT_HAND, _MEDIAPIPE_HAND),
     "RIGHT_HAND_LANDMARKS": _hand(RIGHT_HAND, _MEDIAPIPE_HAND),
     "BODY": {name: INDEX[name] for name in (*COCO_17, *FEET_6)},

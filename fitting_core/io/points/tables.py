@@ -9,13 +9,13 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINTS
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.contacts import Contacts
 from fitting_core.io.points.c3d_file import Event
+from fitting_core.keypoints import SIDES
 from fitting_core.motion import Motion
 from fitting_core.results import error_bars
 from fitting_core.results.error_bars import DIRECTIONS, WIDER, ErrorBars

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from fitting_core.body.geometry import Side, unit
+from fitting_core.body.geometry import unit
 from fitting_core.body.handshapes import HANDSHAPES, Handshape, finger_angles
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
@@ -19,12 +19,11 @@ from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.files.toml_text import parsed_toml
-from fitting_core.keypoints import LEFT_HAND, RIGHT_HAND
+from fitting_core.keypoints import GROUPS, Side
 
 FARTHEST = 30.0
 """Degrees: a hand that is farther from all of the set has none of its shapes. Shapes of the set are 10 to 32 degrees
 from their nearest one, and fits to noisy detections put fists 24 degrees from a fist: nearer limits refuse these."""
-_HANDS = {"left": LEFT_HAND, "right": RIGHT_HAND}
 _WRIST, _KNUCKLES = 0, (5, 9, 13, 17)
 _BONES = [(4 * f + k, 4 * f + k + 1) for f in range(5) for k in (1, 2, 3)]
 _MOST_BYTES = 2**20
@@ -54,7 +53,7 @@ def finger_bones(points: Float[np.ndarray, "T 137 3"], side: Side) -> Float[np.n
         points: Keypoints in any space, metres; NaN where the body has none.
         side: Of the hand.
     """
-    hand = points[:, _HANDS[side]]
+    hand = points[:, GROUPS[f"{side}_hand"]]
     knuckles = hand[:, list(_KNUCKLES)]
     along = unit(knuckles.mean(1) - hand[:, _WRIST])
     across = knuckles[:, 0] - knuckles[:, -1]

@@ -12,9 +12,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter1d
 
-from fitting_core.body.geometry import Side, unit
+from fitting_core.body.geometry import unit
 from fitting_core.body.model import JOINT
 from fitting_core.frame_runs import runs_where
+from fitting_core.keypoints import Side
 from fitting_core.measure.hands.spans import Span, spans_of, without_short
 
 REST, MOVEMENT, HOLD = ("rest", "movement", "hold")

@@ -9,13 +9,13 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core import keypoints as kp
-from fitting_core.body.geometry import SIDES
 from fitting_core.body.markers.joint_centres import CENTRES
 from fitting_core.body.markers.marker_set import RADIUS, MarkerSet, Target
 from fitting_core.body.markers.places import PLACES
 from fitting_core.body.model import JOINT
 from fitting_core.errors import InputError, some_of
 from fitting_core.io.points.named_points import NamedPoints
+from fitting_core.keypoints import SIDES
 from fitting_core.measure.references.reference import Reference, stated_first_frame, stated_rate
 from fitting_core.world_camera import WorldCamera
 

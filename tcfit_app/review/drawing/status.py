@@ -7,9 +7,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from fitting_core.body.geometry import SIDES
 from fitting_core.errors import InputError
-from fitting_core.keypoints import BODY, NAMES
+from fitting_core.keypoints import BODY, NAMES, SIDES
 from tcfit_app.analysis.body_regions import spoken
 from tcfit_app.fitting.fit_progress import time_left
 from tcfit_app.fitting.reports import RunningJob

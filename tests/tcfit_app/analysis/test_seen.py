@@ -3,8 +3,8 @@
 import numpy as np
 
 from fitting_core import keypoints as kp
-from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT, JOINTS, BodyModel
+from fitting_core.keypoints import SIDES
 from tcfit_app.analysis.seen import FAINT, evident, opacities, seen_joints, unseen_keypoints
 
 

@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
-from fitting_core.body.geometry import SIDES, Side
 from fitting_core.body.handshapes import HANDSHAPES, Handshape, finger_angles
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.errors import InputError
+from fitting_core.keypoints import SIDES, Side
 from fitting_core.measure.hands.handshapes import FARTHEST, HandshapeSet, finger_bones, read_handshapes
 from fitting_core.shipped import FREE_FOLDER
 
