@@ -1,15 +1,14 @@
 """Read a clip: frames, keypoints and camera combined into the fit's input."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, FocalFrom, PathScale, focal_from_35mm
 from fitting_core.clip import Clip
 from fitting_core.clips.camera import CameraGiven
-from fitting_core.clips.camera_rule import scale_by, told_by_files
 from fitting_core.clips.footage import Footage, check_memory, guessed_size, locate
 from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.detect.detecting import Detected
@@ -24,6 +23,8 @@ from fitting_core.io.cameras.moving import ClipFrames
 from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.lens import straightened_keypoints
 from fitting_core.people.person import choose_person
+from fitting_core.video.decoding import told_35mm
+from fitting_core.video.images import IMAGE_SUFFIXES, focal_35mm, image_files
 from fitting_core.video.sampled import SampledPictures
 
 
@@ -310,3 +311,42 @@ def _name(path: Path) -> str:
     # The folder's name if the file's own is generic.
     inner = stem in ("images", "keypoints", "video") and path.parent.name
     return inner or stem.removesuffix("_keypoints")
+
+
+_LENSES_MM = (5.0, 2000.0)
+"""Plausible 35 mm equivalents in a file; others are mistakes."""
+
+
+def told_by_files(camera: Camera, images: Path | None) -> Camera | None:
+    """The camera with the focal length stored in a clip's photographs or video; None: none, or several."""
+    if images is None:
+        return None
+    if images.is_dir() or images.suffix.lower() in IMAGE_SUFFIXES:
+        files, who = image_files(images) or (images,), "stated by the images"
+        # The first and the last: a zoom between them, or a folder put together from several cameras, is not one lens.
+        lengths = {focal_35mm(file) for file in (files[0], files[-1])}
+    else:
+        lengths, who = {told_35mm(images)}, "stated by the video"
+    millimetres = lengths.pop()
+    if lengths or millimetres is None or not _LENSES_MM[0] <= millimetres <= _LENSES_MM[1]:
+        return None
+    focal = focal_from_35mm(millimetres, camera.size)
+    source = f"35 mm equivalent of {millimetres:g} mm, {who}"
+    return replace(camera, focal=(focal, focal), focal_from=FocalFrom.PHOTOGRAPHS, source=source)
+
+
+def scale_by(keypoints: Keypoints, frame_rate: float) -> Callable[[Camera], PathScale | None]:
+    """Returns a function that estimates the scale of a moving camera's path.
+
+    Args:
+        keypoints: Of the whole clip, as filmed, with distortion.
+        frame_rate: Frames per second.
+    """
+
+    def scale_of(camera: Camera) -> PathScale | None:
+        from fitting_core.ground.path_scale import estimate_path_scale  # loads torch
+
+        straight, _ = straightened_keypoints(keypoints, camera.lens)
+        return estimate_path_scale(straight.xy, straight.confidence, camera, frame_rate)
+
+    return scale_of

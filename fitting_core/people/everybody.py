@@ -8,9 +8,8 @@ import numpy as np
 from fitting_core.detections import Detections
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, Keypoints
-from fitting_core.people.following import Track, apart, tracks_of
+from fitting_core.people.following import Sighting, Track, apart, sightings, tracks_of
 from fitting_core.people.returning import FollowedPerson, rejoined
-from fitting_core.people.sightings import Sighting, sightings
 from fitting_core.video.frame_names import runs, spans
 
 _MOST = 100

@@ -5,9 +5,8 @@ import numpy as np
 from fitting_core.detections import Detections
 from fitting_core.errors import InputError
 from fitting_core.people.everybody import FoundPerson, found_person, track
-from fitting_core.people.following import apart
+from fitting_core.people.following import Sighting, apart
 from fitting_core.people.returning import FollowedPerson
-from fitting_core.people.sightings import Sighting
 from fitting_core.video.frame_names import spans
 
 _RIVAL = 0.7

@@ -6,8 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fitting_core.people.following import Track
-from fitting_core.people.sightings import Sighting
+from fitting_core.people.following import Sighting, Track
 
 _ENDS_SECONDS = 2.0
 """Sightings at either end of an absence from which size is taken: at the image's edge alone, people are half seen."""

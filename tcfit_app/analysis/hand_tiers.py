@@ -5,12 +5,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from jaxtyping import Bool
 
-from fitting_core.io.annotations.annotations import Annotation, Tier
-from fitting_core.io.annotations.frame_times import milliseconds_of
+from fitting_core.io.eaf import Annotation, Tier, milliseconds_of
 from fitting_core.keypoints import LEFT_HAND, RIGHT_HAND, SIDES, Side
 from fitting_core.measure.hands.handshapes import FARTHEST, HandshapeSet, Nearest, finger_bones
-from fitting_core.measure.hands.phases import HOLD, MOVEMENT, REST, hand_phases
-from fitting_core.measure.hands.spans import Span, spans_of, without_short
+from fitting_core.measure.hands.phases import HOLD, MOVEMENT, REST, Span, hand_phases, spans_of, without_short
 from tcfit_app.analysis.posed_fit import PosedFit
 
 _HANDS = {"left": LEFT_HAND, "right": RIGHT_HAND}

@@ -3,7 +3,7 @@
 import sys
 
 from fitting_core.errors import InputError, printable
-from fitting_core.io.annotations.eaf import SUFFIX
+from fitting_core.io.eaf import SUFFIX
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.imports.elan import import_notes
 from tcfit_app.imports.results import ImportChoices, import_run

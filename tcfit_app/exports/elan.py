@@ -4,11 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fitting_core.body.handshapes import HANDSHAPES
-from fitting_core.io.annotations.annotations import Annotation, Tier
-from fitting_core.io.annotations.eaf import write_eaf
-from fitting_core.io.annotations.frame_times import milliseconds_of
+from fitting_core.io.eaf import Annotation, Tier, milliseconds_of, write_eaf
 from fitting_core.measure.hands.handshapes import HandshapeSet, read_handshapes
-from fitting_core.measure.hands.spans import spans_of
+from fitting_core.measure.hands.phases import spans_of
 from fitting_core.motion import Progress
 from tcfit_app.analysis.hand_tiers import annotations, hand_tiers
 from tcfit_app.analysis.posed_fit import PosedFit

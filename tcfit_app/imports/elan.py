@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fitting_core.errors import InputError, some_of
-from fitting_core.io.annotations.annotations import Tier
-from fitting_core.io.annotations.eaf import read_eaf
-from fitting_core.io.annotations.frame_times import frames_of
+from fitting_core.io.eaf import Tier, frames_of, read_eaf
 from fitting_core.keypoints import SIDES
 from tcfit_app.analysis.hand_tiers import names_of
 from tcfit_app.project.edits.remarks import NOTE_CHARACTERS, Note, NoteText, WriteNotes

@@ -1,6 +1,7 @@
 """One camera of a calibration file, as in the file, checked."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.camera import COEFFICIENTS, is_rotation
 from fitting_core.config.choices import Up
+from fitting_core.files.regular import refusal
 from fitting_core.io.cameras.moving import Poses
 
 OPENCV_FIRST_PIXEL = 0.0
@@ -161,3 +163,26 @@ def finite_numbers(what: str, value: Any, count: int | None = None) -> Float[np.
     if not np.isfinite(found).all() or (abs(found) > 1e9).any():
         raise ValueError(f"{what} has numbers that are not finite or far too large")
     return found
+
+
+_MAX_BYTES = 256 * 2**20
+"""COLMAP's list of images includes their points: some 100 kB per image."""
+
+
+def text_of(path: Path, *, most: int = _MAX_BYTES) -> str:
+    """The file's text.
+
+    Args:
+        path: The file.
+        most: Largest size in bytes.
+
+    Raises:
+        ValueError: It is not a file, is too large, or is not text.
+        OSError: It does not exist, or cannot be read.
+    """
+    if why := refusal(path, most=most):
+        raise ValueError(why)
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError("is not UTF-8 text") from None

@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fitting_core.io.cameras.calibration import Calibration, calibration
+from fitting_core.io.cameras.calibration import Calibration, calibration, text_of
 from fitting_core.io.cameras.moving import Poses
-from fitting_core.io.cameras.text_file import text_of
 
 CAMERAS, IMAGES, BINARY = "cameras.txt", "images.txt", "cameras.bin"
 MODELS: dict[str, tuple[int, int]] = {

@@ -20,8 +20,7 @@ import msgspec
 
 from fitting_core.errors import some_of
 from fitting_core.files.toml_text import parsed_toml
-from fitting_core.io.cameras.calibration import OPENCV_FIRST_PIXEL, Calibration, calibration
-from fitting_core.io.cameras.text_file import text_of
+from fitting_core.io.cameras.calibration import OPENCV_FIRST_PIXEL, Calibration, calibration, text_of
 from fitting_core.io.cameras.transforms import is_transforms, read_transforms
 
 NAMES: dict[str, tuple[str, ...]] = {

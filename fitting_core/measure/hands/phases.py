@@ -7,6 +7,8 @@ base" (1989), and a position shows rest. Only these three are distinguished.
 """
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -16,7 +18,6 @@ from fitting_core.body.geometry import unit
 from fitting_core.body.model import JOINT
 from fitting_core.frame_runs import runs_where
 from fitting_core.keypoints import Side
-from fitting_core.measure.hands.spans import Span, spans_of, without_short
 
 REST, MOVEMENT, HOLD = ("rest", "movement", "hold")
 
@@ -32,6 +33,32 @@ _LOW = 0.3
 """An unmoved hand rests if its wrist is lower than this share of the way from the hips up to the neck."""
 _BLUR = 0.02
 """Seconds: standard deviation of the Gaussian by which the path is smoothed before it is derived."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Span:
+    """Consecutive frames with a label."""
+
+    frames: range
+    """Counted from the clip's first (0)."""
+    label: str
+
+
+def spans_of(labels: Sequence[str]) -> list[Span]:
+    """The longest stretches of one label each, in order; frames with an empty label are in none."""
+    changes = [t for t in range(1, len(labels)) if labels[t] != labels[t - 1]]
+    starts, stops = [0, *changes], [*changes, len(labels)]
+    found = (Span(frames=range(a, b), label=labels[a]) for a, b in zip(starts, stops, strict=True) if a < b)
+    return [span for span in found if span.label]
+
+
+def without_short(where: Bool[np.ndarray, "T"], shortest: int) -> Bool[np.ndarray, "T"]:
+    """The same without stretches of fewer frames than `shortest`."""
+    kept = where.copy()
+    for run in runs_where(where):
+        if len(run) < shortest:
+            kept[run] = False
+    return kept
 
 
 def wrist_in_chest(joints: Float[np.ndarray, "T 55 3"], side: Side) -> Float[np.ndarray, "T 3"]:

@@ -8,9 +8,8 @@ import pytest
 from PIL import Image
 
 from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalFrom, focal_from_35mm
-from fitting_core.clips.camera_rule import told_by_files
 from fitting_core.clips.options import CameraOptions
-from fitting_core.clips.reading import read_footage
+from fitting_core.clips.reading import read_footage, told_by_files
 
 CAMERA = Camera(
     focal=(400.0, 400.0),

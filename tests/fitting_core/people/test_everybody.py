@@ -15,7 +15,7 @@ from fitting_core.keypoints import COUNT
 from fitting_core.people import following
 from fitting_core.people.everybody import Everybody, find_all_people
 from fitting_core.people.following import MOST_FOLLOWED, tracks_of
-from fitting_core.people.sightings import Sighting
+from fitting_core.people.following import Sighting
 
 Figure = Callable[..., np.ndarray]
 RATE = 25.0

@@ -13,8 +13,7 @@ import viser
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
-from fitting_core.io.annotations.annotations import Annotation, Tier
-from fitting_core.io.annotations.eaf import read_eaf, write_eaf
+from fitting_core.io.eaf import Annotation, Tier, read_eaf, write_eaf
 from tcfit_app.cli.main import main
 from tcfit_app.imports.elan import OWN, import_notes
 from tcfit_app.project.edits.edit_log import NOTE_CHARACTERS, WriteNote

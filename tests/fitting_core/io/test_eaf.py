@@ -9,9 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fitting_core.errors import InputError
-from fitting_core.io.annotations.annotations import Annotation, Tier
-from fitting_core.io.annotations.eaf import read_eaf, write_eaf
-from fitting_core.io.annotations.frame_times import frames_of, milliseconds_of
+from fitting_core.io.eaf import Annotation, Tier, frames_of, milliseconds_of, read_eaf, write_eaf
 
 WORDS = {"hold": "It stays", "move": 'It <moves> & "turns"'}
 TIERS = (

@@ -7,9 +7,11 @@ Not read by pympi-ling: 1.71 ignores media's origins in time and times that foll
 numbers in ids.
 """
 
+import math
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from mimetypes import guess_type
 from pathlib import Path, PurePosixPath
@@ -18,7 +20,6 @@ from xml.parsers import expat
 
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
-from fitting_core.io.annotations.annotations import Annotation, Tier
 
 SUFFIX = ".eaf"
 _MOST_BYTES = 200 * 2**20
@@ -38,6 +39,31 @@ _STEREOTYPES = {
     "Included_In": "Time alignable annotations within the parent annotation's time interval, gaps are allowed",
 }
 """As ELAN writes them into every file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Annotation:
+    """A text about a stretch of time."""
+
+    start: int
+    """Milliseconds from the beginning of the video."""
+    end: int
+    """Milliseconds; after `start`."""
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tier:
+    """Annotations of one kind, ordered by time. In files of tcfit they do not overlap."""
+
+    name: str
+    kind: str = ""
+    """What tiers of one kind share: the vocabulary, and whether they have a parent. ELAN: linguistic type."""
+    annotations: tuple[Annotation, ...]
+    vocabulary: Mapping[str, str] = field(default_factory=dict)
+    """The only texts that the tier may have, each with its meaning; empty: any text."""
+    parent: str = ""
+    """Name of the parent tier, with one annotation for each of these at the same time; empty: no parent."""
 
 
 # --- writing ---
@@ -317,3 +343,33 @@ def _in_order(children: list[ET.Element]) -> list[ET.Element]:
             found[_of(following, "ANNOTATION_ID")] = following
             following = after.get(_of(following, "ANNOTATION_ID"))
     return [*found.values(), *(child for child in children if _of(child, "ANNOTATION_ID") not in found)]
+
+
+# --- times of frames: frame f is shown from f / rate seconds until the next one ---
+
+_ROUNDING = 0.5
+"""Rounding error of a whole number of milliseconds."""
+_TINY = 1e-6
+
+
+def milliseconds_of(frames: range, frame_rate: float) -> tuple[int, int]:
+    """When frames begin to be shown, and when they end.
+
+    Args:
+        frames: Their numbers in the video, at least one.
+        frame_rate: Frames per second.
+    """
+    return round(1000 * frames.start / frame_rate), round(1000 * frames.stop / frame_rate)
+
+
+def frames_of(start: float, end: float, frame_rate: float) -> range:
+    """The frames shown in a stretch of time, at least one; the inverse of `milliseconds_of`.
+
+    Args:
+        start: Milliseconds.
+        end: Milliseconds.
+        frame_rate: Frames per second.
+    """
+    first = math.floor((start + _ROUNDING) * frame_rate / 1000 + _TINY)
+    stop = math.ceil((end - _ROUNDING) * frame_rate / 1000 - _TINY)
+    return range(first, max(stop, first + 1))
