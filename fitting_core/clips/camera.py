@@ -47,10 +47,10 @@ class CameraGiven:
 
     def camera(
         self, size: tuple[int, int], frames: ClipFrames, scale_of: Callable[[Camera], PathScale | None] | None = None
-    ) -> tuple[Camera, tuple[str, ...]]:
-        """The camera from its calibration or the other options, and notes; `scale_of` as in `read_camera`."""
+    ) -> Camera:
+        """The camera from its calibration or the other options; `scale_of` as in `read_camera`."""
         if self.file is None:
-            return _camera_of(size, self.center, self.focal), ()
+            return _camera_of(size, self.center, self.focal)
         return read_camera(self.file, size, frames, scale_of=scale_of)
 
 

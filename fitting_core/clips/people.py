@@ -55,14 +55,12 @@ def read_people(
     shot = read_shot(video, keypoints, clip, camera, detector=detector, tell=tell)
     found = find_all_people(shot.detections, frame_rate=shot.frame_rate, first_frame=shot.first_frame, most=MOST_PEOPLE)
     of_places = check_inside(_together(found.people), shot.size)
-    seen, of_camera = shot.camera(max(found.people, key=lambda one: one.prominence).keypoints)
+    seen = shot.camera(max(found.people, key=lambda one: one.prominence).keypoints)
     people = []
     for number, one in enumerate(found.people, 1):
         about = _about(one, number, shot)
-        notes = (_note(about, one, len(found.people)), *([found.note] if found.note else []))
-        whole = shot.clip(
-            one.keypoints, seen, entries=one.entries, of_person=notes, of_places=of_places, of_camera=of_camera
-        )
+        notes = (_note(about, one, len(found.people)), *([found.note] if found.note else []), *of_places)
+        whole = shot.clip(one.keypoints, seen, entries=one.entries, notes=notes)
         people.append(PersonInClip(about=about, clip=_part(whole, one.frames, about), name=shot.name))
     return people
 

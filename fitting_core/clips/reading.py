@@ -40,10 +40,7 @@ class Shot:
     name: str
     given: CameraGiven
     notes: tuple[str, ...]
-    """About the frames, and how keypoints were matched to them."""
-    later_notes: tuple[str, ...]
-    """On the image size."""
-    rate_notes: tuple[str, ...]
+    """About the frames, how keypoints were matched to them, size and rate."""
     found: Detected | None = None
     """A detector's result for it, if no keypoints were given."""
     pictures: SampledPictures | None = None
@@ -59,25 +56,18 @@ class Shot:
         """Frames per second."""
         return self.frames.frame_rate
 
-    def camera(self, keypoints: Keypoints) -> tuple[Camera, tuple[str, ...]]:
-        """The camera, with focal length, vertical and scale estimated if not known otherwise, and notes."""
+    def camera(self, keypoints: Keypoints) -> Camera:
+        """The camera, with focal length, vertical and scale estimated if not known otherwise."""
         from fitting_core.ground.from_pictures import camera_from_pictures  # loads torch
 
-        seen, notes = self.given.camera(self.size, self.frames, scale_by(keypoints, self.frame_rate))
+        seen = self.given.camera(self.size, self.frames, scale_by(keypoints, self.frame_rate))
         known = told_by_files(seen, self.images) if self.given.automatic else seen
         straight, _ = straightened_keypoints(keypoints, seen.lens)
         pictures = self.pictures or (self.images and SampledPictures(self.images, self.frames.numbers, seen))
-        return camera_from_pictures(known or seen, straight, self.frame_rate, pictures, estimate=known is None), notes
+        return camera_from_pictures(known or seen, straight, self.frame_rate, pictures, estimate=known is None)
 
     def clip(
-        self,
-        keypoints: Keypoints,
-        camera: Camera,
-        *,
-        entries: Sequence[int | None],
-        of_person: tuple[str, ...],
-        of_places: tuple[str, ...],
-        of_camera: tuple[str, ...],
+        self, keypoints: Keypoints, camera: Camera, *, entries: Sequence[int | None], notes: tuple[str, ...]
     ) -> Clip:
         """One person's.
 
@@ -85,21 +75,18 @@ class Shot:
             keypoints: Of all frames, as detected.
             camera: Of them.
             entries: Per frame, the person's index in the list of people.
-            of_person: Notes on the choice of person.
-            of_places: Notes on the keypoints' positions.
-            of_camera: Notes on the camera.
+            notes: On the choice of person, and on the keypoints' positions.
         """
         straight, of_lens = straightened_keypoints(keypoints, camera.lens)
-        after = (*self.later_notes, *of_places, *self.rate_notes, *of_camera, *of_lens)
         return Clip(
             keypoints=straight,
-            camera=replace(camera, notes=of_camera),
+            camera=camera,
             frame_rate=self.frame_rate,
             name=self.name,
             source=self.images,
             first_frame=self.first_frame,
             detector=self.detections.detector,
-            notes=(*self.notes, *of_person, *after),
+            notes=(*self.notes, *notes, *camera.notes, *of_lens),
             silhouettes=None if self.found is None else silhouettes_of(self.found, entries),
             found_by="" if self.found is None else found_by(self.found),
         )
@@ -135,9 +122,7 @@ def read_shot(
         images=images,
         name=_name(video or keypoint_path),
         given=given,
-        notes=(*footage.notes, *detections.notes, *notes),
-        later_notes=size_notes,
-        rate_notes=rate_notes,
+        notes=(*footage.notes, *detections.notes, *notes, *size_notes, *rate_notes),
     )
 
 
@@ -158,15 +143,13 @@ def _empty_shot(video: Path, images: Path, clip: ClipOptions, given: CameraGiven
         images=images,
         name=_name(video),
         given=given,
-        notes=footage.notes,
-        later_notes=(),
-        rate_notes=rate_notes,
+        notes=(*footage.notes, *rate_notes),
     )
 
 
 def _searched(shot: Shot, images: Path, detector: str | Detector, tell: Tell | None) -> Shot:
     """The same clip with all people that a detector finds."""
-    camera, _ = shot.given.camera(shot.size, shot.frames)  # its errors come before minutes of detection
+    camera = shot.given.camera(shot.size, shot.frames)  # its errors come before minutes of detection
     numbers = shot.frames.numbers
     pictures = SampledPictures(images, numbers, camera)
     found = find_keypoints(images, numbers, detector, tell or (lambda progress: None), on_frame=pictures.take)
@@ -213,12 +196,8 @@ def read_clip(
     found, choice = choose_person(
         shot.detections, person=clip.person, first_frame=shot.first_frame, frame_rate=shot.frame_rate
     )
-    of_places = check_inside(found.keypoints, shot.size)
-    seen, of_camera = shot.camera(found.keypoints)
-    of_person = (choice,) if choice else ()
-    return shot.clip(
-        found.keypoints, seen, entries=found.entries, of_person=of_person, of_places=of_places, of_camera=of_camera
-    )
+    notes = (*((choice,) if choice else ()), *check_inside(found.keypoints, shot.size))
+    return shot.clip(found.keypoints, shot.camera(found.keypoints), entries=found.entries, notes=notes)
 
 
 def read_footage(video: Path, *, clip: ClipOptions = ClipOptions(), camera: CameraOptions = CameraOptions()) -> Clip:
@@ -229,12 +208,12 @@ def read_footage(video: Path, *, clip: ClipOptions = ClipOptions(), camera: Came
     given = CameraGiven.of(camera)
     images = video / "images" if (video / "images").is_dir() else video
     shot = _empty_shot(video, images, clip, given)
-    seen, of_camera = given.camera(shot.size, shot.frames)
+    seen = given.camera(shot.size, shot.frames)
     if given.automatic:
         seen = told_by_files(seen, images) or seen
     count = len(shot.detections)
     nothing = Keypoints(xy=np.zeros((count, COUNT, 2)), confidence=np.zeros((count, COUNT)))
-    return shot.clip(nothing, seen, entries=(None,) * count, of_person=(), of_places=(), of_camera=of_camera)
+    return shot.clip(nothing, seen, entries=(None,) * count, notes=())
 
 
 def read_keypoints(path: StrPath, clip: Clip) -> tuple[Keypoints, tuple[str, ...], str]:

@@ -8,7 +8,6 @@ from pathlib import Path
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import StrPath
 from fitting_core.ground.level import level_of
 from fitting_core.io.result_files import StoredFit
@@ -115,8 +114,7 @@ def write_motion(path: StrPath, motion: Motion, *, axes: str | None = None) -> N
         raise InputError(f"{path}: {path.suffix or 'no ending'} is not known; expected {', '.join(MOTION_FILES)}.")
     turned = motion.in_axes(axes or form.axes)
     try:
-        with replacing(path) as draft:
-            form.write(draft, turned)
+        form.write(path, turned)
     except OSError as error:
         reason = error.strerror or error
         raise InputError(f"{path}: cannot be written ({reason}). Choose a folder that exists and has space.") from error

@@ -58,8 +58,8 @@ def read_camera(
     frames: ClipFrames | None = None,
     *,
     scale_of: Callable[[Camera], PathScale | None] | None = None,
-) -> tuple[Camera, tuple[str, ...]]:
-    """The camera for images of a size, and notes on how it was read. Raises InputError if the file cannot be read, has
+) -> Camera:
+    """The camera for images of a size, with notes on how it was read. Raises InputError if the file cannot be read, has
     several cameras but none of that name, was made for images of another shape, or holds no valid camera.
 
     Args:
@@ -90,9 +90,9 @@ def read_camera(
     world, path, world_notes = _world(file, chosen, poses)
     if path is not None and scale_of is not None and not _has_scale(file, chosen):
         world, path, world_notes = _world(file, chosen, poses, scale_of(replace(camera, path=path)))
-    camera = replace(camera, world=world, path=path)
     notes = (*chosen.notes, *size_notes, *lens_notes, *path_notes, *world_notes)
-    return camera, tuple(f"{file.path.name}: {_titled(chosen)}{note}" for note in notes)
+    notes = tuple(f"{file.path.name}: {_titled(chosen)}{note}" for note in notes)
+    return replace(camera, world=world, path=path, notes=notes)
 
 
 def camera_files(path: Path) -> list[Path]:

@@ -9,7 +9,6 @@ intrinsics, gender, axes, the largest deviation from the fit) is in the extras o
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -53,27 +52,8 @@ def write_people_glb(path: Path, motions: Sequence[Motion], *, name: str, progre
     tell = progress or (lambda _: None)
     people: list[_Person] = []
     for k, motion in enumerate(motions):
-        nodes = _ONE if k == 0 else _ONE.later(1 + k * (2 + N_JOINTS))
-        people.append(_person(motion.in_axes(_AXES), nodes, partial(_part_of, tell, k, len(motions))))
+        people.append(_person(motion.in_axes(_AXES), k, lambda share, k=k: tell((k + share) / len(motions))))
     _file_of(people, name).save(path)
-
-
-def _part_of(tell: Progress, k: int, count: int, share: float) -> None:
-    tell((k + share) / count)
-
-
-@dataclass(frozen=True)
-class _Nodes:
-    root: int
-    mesh: int
-    first_joint: int
-
-    def later(self, start: int) -> "_Nodes":
-        """The nodes of the person whose first node has this number."""
-        return _Nodes(start, start + 1, start + 2)
-
-
-_ONE = _Nodes(_ROOT, _MESH, _FIRST_JOINT)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,19 +63,22 @@ class _Person:
     surface: RigSurface
     stated: dict[str, Any]
     """The file's extras."""
-    nodes: _Nodes
+    root: int
+    """The first of its nodes; the mesh is the second one."""
+    first_joint: int
 
 
-def _person(motion: Motion, nodes: _Nodes, tell: Progress) -> _Person:
+def _person(motion: Motion, k: int, tell: Progress) -> _Person:
     moving = on_own_skeleton(motion)
     surface = surface_on(motion, moving)
     said = stated(motion) | surface_deviation(motion, moving, surface, tell)
-    return _Person(motion=motion, moving=moving, surface=surface, stated=said, nodes=nodes)
+    root, first_joint = (1 + k * (2 + N_JOINTS), 3 + k * (2 + N_JOINTS)) if k else (_ROOT, _FIRST_JOINT)
+    return _Person(motion=motion, moving=moving, surface=surface, stated=said, root=root, first_joint=first_joint)
 
 
 def _file_of(people: list[_Person], name: str) -> GltfFile:
     said = people[0].stated if len(people) == 1 else {"name": name, "people": [one.stated for one in people]}
-    tops = [node for one in people for node in (one.nodes.root, one.nodes.mesh)]
+    tops = [node for one in people for node in (one.root, one.root + _MESH)]
     file = GltfFile(name, said, _nodes(people), [*tops[:2], _CAMERA, *tops[2:]])
     document = file.document
     document.cameras = [_camera(people[0].motion)]
@@ -103,7 +86,7 @@ def _file_of(people: list[_Person], name: str) -> GltfFile:
     document.meshes = [mesh_of(one.surface, file, k) for k, one in enumerate(people)]
     for one, mesh in zip(people, document.meshes, strict=True):
         mesh.weights = one.surface.morphs.weights[0].tolist()
-    document.skins = [skin_of(one.moving.target, file, one.nodes.first_joint) for one in people]
+    document.skins = [skin_of(one.moving.target, file, one.first_joint) for one in people]
     document.animations = [_animation(people, name, file)]
     return file
 
@@ -112,10 +95,10 @@ def _nodes(people: list[_Person]) -> list[gltf.Node]:
     nodes: list[gltf.Node] = []
     for k, one in enumerate(people):
         name = "body" if len(people) == 1 else f"{one.motion.name} body"
-        nodes.append(gltf.Node(name=one.motion.name, children=[one.nodes.first_joint]))
+        nodes.append(gltf.Node(name=one.motion.name, children=[one.first_joint]))
         nodes.append(gltf.Node(name=name, mesh=k, skin=k))
         nodes += [_camera_node(people)] if k == 0 else []
-        nodes += joint_nodes(one.moving, one.nodes.first_joint, posed=True)
+        nodes += joint_nodes(one.moving, one.first_joint, posed=True)
     return nodes
 
 
@@ -166,11 +149,11 @@ def _animation(people: list[_Person], name: str, file: GltfFile) -> gltf.Animati
     for one in people:
         first, last = one.motion.first_frame, one.motion.first_frame + len(one.motion)
         own = seconds(range(first, last))
-        channels.add_joints(own, one.moving, one.nodes.first_joint)
+        channels.add_joints(own, one.moving, one.first_joint)
         if one.surface.morphs.names:
-            channels.add(own, one.nodes.mesh, "weights", one.surface.morphs.weights)
+            channels.add(own, one.root + _MESH, "weights", one.surface.morphs.weights)
         if (first, last) != (begins, ends):
             turning = sorted({begins, first, min(last, ends - 1)})
             there = np.array([[float(first <= frame < last)] * 3 for frame in turning])
-            channels.add(seconds(turning), one.nodes.root, "scale", there, "STEP")
+            channels.add(seconds(turning), one.root, "scale", there, "STEP")
     return channels.animation

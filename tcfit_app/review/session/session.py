@@ -281,7 +281,8 @@ class Session:
         """
         self.project.refuse_read_only()
         with self.source.camera_changes():
-            camera, notes = read_camera(file, self.project.footage.camera.size)
+            camera = read_camera(file, self.project.footage.camera.size)
+            notes = camera.notes
             if sent_as:
                 camera = replace(camera, source=camera.source.replace(file.path.name, sent_as))
                 notes = tuple(note.replace(file.path.name, sent_as) for note in notes)

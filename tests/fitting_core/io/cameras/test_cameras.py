@@ -36,7 +36,7 @@ FORMS: dict[str, tuple[Callable[[Path], Path], str | None, str | None, bool]] = 
 @pytest.mark.parametrize("form", FORMS)
 def test_every_form_says_the_same(form: str, tmp_path: Path):
     write, name, up, has_world = FORMS[form]
-    camera, _ = read_camera(CameraFile(path=write(tmp_path), name=name), SIZE)
+    camera = read_camera(CameraFile(path=write(tmp_path), name=name), SIZE)
     assert camera.lens and camera.calibrated
     assert camera.focal == camera.lens.focal == (K[0, 0], K[1, 1])
     assert camera.center == camera.lens.center == CENTER
@@ -50,7 +50,7 @@ def test_every_form_says_the_same(form: str, tmp_path: Path):
 
 @pytest.mark.parametrize("model", files.COLMAP_PARAMETERS)
 def test_colmap(model: str, tmp_path: Path):
-    camera, notes = read_camera(CameraFile(path=files.colmap(tmp_path / "sparse", model=model)), SIZE)
+    camera = read_camera(CameraFile(path=files.colmap(tmp_path / "sparse", model=model)), SIZE)
     one = model in ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
     assert camera.focal == (900, 900 if one else 910) and camera.center == (640.5, 360.25)
     expected = {"SIMPLE_RADIAL": (-0.1, 0, 0, 0), "RADIAL": (-0.1, 0.02, 0, 0), "OPENCV": (-0.1, 0.02, 0.001, -0.002)}
@@ -59,7 +59,7 @@ def test_colmap(model: str, tmp_path: Path):
     assert camera.world
     np.testing.assert_allclose(camera.world.rotation, ROTATION, atol=1e-12)
     np.testing.assert_allclose(camera.world.translation, TRANSLATION, atol=1e-12)
-    assert any("scale" in note for note in notes)
+    assert any("scale" in note for note in camera.notes)
 
 
 def test_of_several_cameras_one_is_named(tmp_path: Path):
@@ -71,33 +71,33 @@ def test_of_several_cameras_one_is_named(tmp_path: Path):
             read_camera(CameraFile(path=path), SIZE, FRAMES)
         with pytest.raises(InputError, match="'cam9'; it has "):
             read_camera(CameraFile(path=path, name="cam9"), SIZE)
-    second, _ = read_camera(CameraFile(path=tmp_path / "Calib.toml", name="int_cam02_img"), SIZE)
+    second = read_camera(CameraFile(path=tmp_path / "Calib.toml", name="int_cam02_img"), SIZE)
     assert second.world and np.allclose(second.world.translation, TRANSLATION + 1)
-    second, _ = read_camera(CameraFile(path=tmp_path / "model" / "images.txt", name="c.jpg"), SIZE)
+    second = read_camera(CameraFile(path=tmp_path / "model" / "images.txt", name="c.jpg"), SIZE)
     assert second.world and np.allclose(second.world.translation, TRANSLATION + 1)
     named = files.own(
         tmp_path / "two.npz", names=["left", "right"], K=[K, 2 * K + np.diag([0, 0, -1])], dist=None, size=[SIZE, SIZE],
         R=[ROTATION, np.eye(3)], t=[TRANSLATION, (1, 2, 3)],
     )  # fmt: skip
-    right, _ = read_camera(CameraFile(path=named, name="right"), SIZE)
+    right = read_camera(CameraFile(path=named, name="right"), SIZE)
     assert right.focal[0] == 2 * K[0, 0] and right.world and right.world.translation == (1, 2, 3) and not right.lens
 
 
 def test_what_an_npz_has_beside_is_said_to_be_passed_over(tmp_path: Path):
     """A user's distortion was not read since it was called dist_coeffs, and nobody was told."""
     path = files.own(tmp_path / "camera.npz", dist=None, dist_coeffs=DISTORTION, size=None, image_size=SIZE, up="z")
-    camera, notes = read_camera(CameraFile(path=path), SIZE)
+    camera = read_camera(CameraFile(path=path), SIZE)
     assert camera.lens is None
-    assert notes == (
+    assert camera.notes == (
         "camera.npz: dist_coeffs: passed over; expected K, dist, size, image_size, R, t, up, names, frames.",
     )
 
 
 def test_a_calibration_of_another_size_is_scaled_and_said(tmp_path: Path):
     path = files.own(tmp_path / "camera.npz")
-    camera, notes = read_camera(CameraFile(path=path), (640, 360))
+    camera = read_camera(CameraFile(path=path), (640, 360))
     assert camera.focal == (K[0, 0] / 2, K[1, 1] / 2) and camera.center == (CENTER[0] / 2, CENTER[1] / 2)
-    assert camera.size == (640, 360) and "scaled" in notes[0]
+    assert camera.size == (640, 360) and "scaled" in camera.notes[0]
     assert camera.lens and camera.lens.focal == camera.focal and camera.lens.distortion == DISTORTION
     for size in ((720, 1280), (1280, 1024)):
         with pytest.raises(InputError, match="another shape"):
@@ -106,9 +106,9 @@ def test_a_calibration_of_another_size_is_scaled_and_said(tmp_path: Path):
 
 def test_unit_and_up_are_the_users(tmp_path: Path):
     path = files.own(tmp_path / "camera.npz", t=1000 * TRANSLATION)
-    _, notes = read_camera(CameraFile(path=path), SIZE)
+    notes = read_camera(CameraFile(path=path), SIZE).notes
     assert any("millimetres" in note for note in notes) and any("camera_up" in note for note in notes)
-    camera, notes = read_camera(CameraFile(path=path, unit=0.001, up="-y"), SIZE)
+    camera = read_camera(CameraFile(path=path, unit=0.001, up="-y"), SIZE)
     assert camera.world and camera.world.up == "-y" and camera.world.up_in_camera is not None
     assert np.allclose(camera.world.translation, TRANSLATION)
     assert np.allclose(camera.world.up_in_camera, ROTATION @ (0, -1, 0))
@@ -117,7 +117,7 @@ def test_unit_and_up_are_the_users(tmp_path: Path):
 
 
 def test_points_of_the_world_are_filmed_where_opencv_says(tmp_path: Path):
-    camera, _ = read_camera(CameraFile(path=files.own(tmp_path / "camera.npz")), SIZE)
+    camera = read_camera(CameraFile(path=files.own(tmp_path / "camera.npz")), SIZE)
     assert camera.world and camera.lens
     points = camera.world.place + np.random.default_rng(0).uniform((-1, -0.6, 2), (1, 0.6, 4), (50, 3)) @ ROTATION
     expected = cv2.projectPoints(points, ROTATION, TRANSLATION, K, np.array(DISTORTION))[0][:, 0]
@@ -126,7 +126,7 @@ def test_points_of_the_world_are_filmed_where_opencv_says(tmp_path: Path):
 
 def test_a_picture_is_straightened_as_opencv_does(tmp_path: Path):
     """OpenCV counts from the middle of the first pixel, and tcfit from the image's corner."""
-    camera, _ = read_camera(CameraFile(path=files.opencv(tmp_path / "camera.yml")), SIZE)
+    camera = read_camera(CameraFile(path=files.opencv(tmp_path / "camera.yml")), SIZE)
     assert camera.lens
     picture = np.random.default_rng(0).integers(0, 256, (SIZE[1], SIZE[0], 3), dtype=np.uint8)
     expected = cv2.undistort(picture, K, np.array(DISTORTION))
@@ -180,5 +180,5 @@ def test_a_lens_profile_of_gyroflow_is_a_fisheye(tmp_path: Path):
 def test_a_size_beside_the_camera_s_table_counts(tmp_path: Path, outside: dict[str, object]):
     matrix = [[1800.0, 0.0, 1919.5], [0.0, 1800.0, 1079.5], [0.0, 0.0, 1.0]]
     (tmp_path / "camera.json").write_text(json.dumps(outside | {"params": {"camera_matrix": matrix}}))
-    camera, _ = read_camera(CameraFile(path=tmp_path / "camera.json"), (1920, 1080))
+    camera = read_camera(CameraFile(path=tmp_path / "camera.json"), (1920, 1080))
     assert camera.focal == (900.0, 900.0) and camera.center == (960.0, 540.0)

@@ -32,7 +32,7 @@ def clip(
     return ClipFrames(timeline=timeline, part=part or slice(0, count), frame_rate=20.0)
 
 
-def read(path: Path, frames: ClipFrames, **more) -> tuple[Camera, tuple[str, ...]]:
+def read(path: Path, frames: ClipFrames, **more) -> Camera:
     return read_camera(CameraFile(path=path, **more), SIZE, frames)
 
 
@@ -45,27 +45,27 @@ def in_world(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("form", [files.moving_npz, files.moving_colmap, files.transforms])
 def test_the_same_path_in_every_form(tmp_path: Path, form):
-    camera, notes = read(form(tmp_path / "path.json" if form is files.transforms else tmp_path / "path.npz"), clip())
+    camera = read(form(tmp_path / "path.json" if form is files.transforms else tmp_path / "path.npz"), clip())
     turns, places = in_world(camera)
     np.testing.assert_allclose(turns, TURNS, atol=1e-9)
     np.testing.assert_allclose(places, WAY, atol=1e-9)
     assert camera.path is not None and len(camera.path) == COUNT
     np.testing.assert_allclose(camera.path.rotation[0], np.eye(3), atol=1e-12)
-    assert any("moves" in note for note in notes)
+    assert any("moves" in note for note in camera.notes)
     scaleless = form is not files.moving_npz
-    assert any("without scale" in note for note in notes) == scaleless
+    assert any("without scale" in note for note in camera.notes) == scaleless
     assert is_possible(camera) and camera_from(camera_arrays(camera)) == camera
 
 
 def test_the_unit_scales_the_way(tmp_path: Path):
-    camera, notes = read(files.transforms(tmp_path / "t.json"), clip(), unit=0.5, up="z")
+    camera = read(files.transforms(tmp_path / "t.json"), clip(), unit=0.5, up="z")
     np.testing.assert_allclose(in_world(camera)[1], 0.5 * WAY, atol=1e-9)
-    assert not any("scale" in note for note in notes) and camera.world is not None and camera.world.up == "z"
+    assert not any("scale" in note for note in camera.notes) and camera.world is not None and camera.world.up == "z"
 
 
 def test_a_path_that_does_not_move_is_a_camera_that_stands(tmp_path: Path):
     same = np.repeat(TURNS[:1], COUNT, 0), np.repeat(WAY[:1], COUNT, 0)
-    camera, _ = read(files.moving_npz(tmp_path / "c.npz", *same), clip())
+    camera = read(files.moving_npz(tmp_path / "c.npz", *same), clip())
     assert camera.path is None and camera.world is not None
     np.testing.assert_allclose(camera.world.place, WAY[0], atol=1e-9)
 
@@ -85,20 +85,20 @@ def test_a_path_that_does_not_move_is_a_camera_that_stands(tmp_path: Path):
 def test_frames_are_found_by_their_images_names(tmp_path: Path, names, frames, expected):
     turns, way = TURNS[: len(names)], WAY[: len(names)]
     path = files.transforms(tmp_path / "t.json", turns, way, names=names)
-    camera, _ = read(path, frames)
+    camera = read(path, frames)
     np.testing.assert_allclose(in_world(camera)[1], WAY[list(expected)], atol=1e-9)
 
 
 def test_intrinsics_of_a_transforms_file(tmp_path: Path):
     path = files.transforms(tmp_path / "t.json")
     table = json.loads(path.read_text())
-    found, _ = read(path, clip())
+    found = read(path, clip())
     assert found.focal == (table["fl_x"], table["fl_y"]) and found.lens is not None
     assert found.lens.distortion[:2] == (table["k1"], table["k2"])
     for name in ("fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2"):
         del table[name]
     path.write_text(json.dumps(table | {"camera_angle_x": 2 * np.arctan(0.5)}))
-    found, _ = read(path, clip())
+    found = read(path, clip())
     assert found.focal == pytest.approx((SIZE[0], SIZE[0])) and found.center == (SIZE[0] / 2, SIZE[1] / 2)
     assert found.lens is None and replace(found, path=None) != found
 
