@@ -69,8 +69,8 @@ if TYPE_CHECKING:  # the table of public names, which `lazy_names` reads
     from fitting_core.io.result_files import write_result as write_result
     from fitting_core.keypoints import Keypoints as Keypoints
     from fitting_core.measure.comparison import Comparison as Comparison
+    from fitting_core.measure.comparison import evaluate_fit as evaluate_fit
     from fitting_core.measure.comparison import figure_titles as figure_titles
-    from fitting_core.measure.fit_figures import evaluate_fit as evaluate_fit
     from fitting_core.measure.references.files import read_reference as read_reference
     from fitting_core.motion import Motion as Motion
     from fitting_core.render.overlay import Shown as Shown

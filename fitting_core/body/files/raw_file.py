@@ -19,7 +19,6 @@ LANDMARKS = ("lmk_faces_idx", "lmk_bary_coords", "dynamic_lmk_faces_idx", "dynam
 OWN_KEYPOINTS = "keypoint_vertices"
 """Optional key for a mesh that is not the official one: a vertex for each of SURFACE_KEYPOINTS, -1 for none."""
 KEYS = (*REQUIRED, *HAND_KEYS, *LANDMARKS, OWN_KEYPOINTS, "gender")
-"""Maximum number of bytes read of a file."""
 ADVICE = "Download the model again from its official site, or run `tcfit models` to see the bodies found here."
 
 

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from fitting_core.body.geometry import axis_angle
 from fitting_core.body.markers.joint_centres import joint_centres_in_space
 from fitting_core.measure.angles.cardan import angles_of, continuous, held, nearest_turn, unit_axis
-from fitting_core.measure.angles.segments import Segments
+from fitting_core.measure.angles.joint_angles import Segments
 from fitting_core.measure.limbs import HIPS
 from fitting_core.motion import Motion
 

@@ -15,7 +15,7 @@ from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.refitting import refit
 from fitting_core.io.motion_files import motion_of, write_motion
 from fitting_core.keypoints import INDEX
-from fitting_core.measure.fit_figures import evaluate_fit
+from fitting_core.measure.comparison import evaluate_fit
 from fitting_core.results.error_bars import DIRECTIONS
 from fitting_core.results.fit_result import FitResult
 from tests.samples.posed_clips import clip_of, motion, shipped_body

@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 from fitting_core.body.markers.joint_centres import joint_centres_in_space
 from fitting_core.body.model import BodyModel
 from fitting_core.measure.angles.angle_files import write_angles_csv, write_mot
-from fitting_core.measure.angles.joint_angles import ANGLES, joint_angles
-from fitting_core.measure.angles.segments import Segments
+from fitting_core.measure.angles.joint_angles import ANGLES, Segments, joint_angles
 from fitting_core.measure.limbs import HIPS
 from fitting_core.results.error_bars import ANGLES as BARRED
 from tests.fitting_core.io.motion.motions import swinging
