@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, Matrix, Vector
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
-from fitting_core.relation import Relation
 from fitting_core.silhouettes import Silhouettes
 
 _UP_DIFFERS, _UNSURE = 20.0, 5.0
@@ -57,6 +56,46 @@ class Clip:
         if not 0 <= frame < len(self):
             raise InputError(f"There is no frame {frame} to correct: the clip has frames 0 to {len(self) - 1}.")
         return replace(self, keypoints=self.keypoints.corrected(frame, points))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Relation:
+    """Pose and clock of another view relative to the first: x_other = rotation x_first + translation."""
+
+    rotation: Matrix
+    """By rows."""
+    translation: Vector
+    """In metres if the person is as tall as the average adult; proportional to the height."""
+    offset: float
+    """Seconds: what is at a time in the first clip is at this much later a time in the other, each counted from its
+    first frame."""
+    rotation_deviation: float
+    """Standard deviation, degrees."""
+    direction_deviation: float
+    """Standard deviation of the direction from camera to camera, degrees."""
+    offset_deviation: float
+    """Standard deviation, seconds."""
+    disagreement: float
+    """Median angle by which viewing rays of the same keypoint miss each other, radians."""
+    overlap: float
+    """Seconds that both show."""
+    vertical_off: float
+    """Degrees between what both views say is up."""
+
+    @property
+    def angle(self) -> float:
+        """Between the directions of both cameras, degrees."""
+        return float(np.degrees(np.arccos(np.clip(self.rotation[2][2], -1.0, 1.0))))
+
+    @property
+    def turn(self) -> Float[np.ndarray, "3 3"]:
+        """`rotation` as an array."""
+        return np.array(self.rotation, float)
+
+    @property
+    def shift(self) -> Float[np.ndarray, "3"]:
+        """`translation` as an array."""
+        return np.array(self.translation, float)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -18,7 +18,7 @@ MODULES = {
 FLOORS = {
     "fitting_core": """
         errors frame_runs lazy_names memory keypoint_noise keypoints least_squares plugins shipped silhouettes
-        camera lens relation wholebody config files body
+        camera lens wholebody config files body
         clip detections image_border metrics priors video lifting ground world_camera
         frame_alignment results people
         motion

@@ -22,8 +22,7 @@ from build_assets.lifter.training import Schedule, Training, score
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
 from fitting_core.errors import InputError
-from fitting_core.lifting.network import LifterSize
-from fitting_core.lifting.weights import write_lifter
+from fitting_core.lifting.network import LifterSize, write_lifter
 from fitting_core.shipped import FREE_FOLDER
 
 _JUDGED = 8

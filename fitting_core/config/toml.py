@@ -10,8 +10,7 @@ import msgspec
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.config.settings import NONE, changed, groups, nearest, settings, unknown, value_of
 from fitting_core.errors import InputError
-from fitting_core.files.regular import StrPath, regular_file
-from fitting_core.files.toml_text import parsed_toml
+from fitting_core.files.regular import StrPath, parsed_toml, regular_file
 
 _MAX_BYTES = 2**20
 

@@ -23,10 +23,9 @@ from typing import Any
 import numpy as np
 
 from fitting_core.camera import is_rotation, matrix_of, vector_of
-from fitting_core.clip import Clip, OtherView
+from fitting_core.clip import Clip, OtherView, Relation
 from fitting_core.io.camera_arrays import camera_arrays, camera_from
 from fitting_core.keypoints import COUNT, Keypoints
-from fitting_core.relation import Relation
 
 _PREFIX = re.compile(r"view([1-9][0-9]{0,2})_")
 _DEVIATIONS = ("rotation_deviation", "direction_deviation", "offset_deviation")

@@ -15,9 +15,8 @@ from torch import Tensor
 from fitting_core import keypoints as kp
 from fitting_core.body.model import other_side
 from fitting_core.camera import Camera, CameraPath
-from fitting_core.lifting.network import FRAMES, RATE, Lifter
+from fitting_core.lifting.network import FRAMES, RATE, Lifter, read_lifter
 from fitting_core.lifting.rays import POINTS, SEEN, seen
-from fitting_core.lifting.weights import read_lifter
 from fitting_core.shipped import LIFTER
 
 LIFTED_HEIGHT = 1.71

@@ -147,7 +147,7 @@ def check_video() -> Iterator[Check]:
 
 def check_networks() -> Iterator[Check]:
     """Whether the networks that come with tcfit can be read."""
-    from fitting_core.lifting.weights import read_lifter
+    from fitting_core.lifting.network import read_lifter
     from fitting_core.priors.files.registry import read_prior
     from fitting_core.shipped import LIFTER, POSE_PRIOR
 

@@ -18,8 +18,7 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.errors import InputError
-from fitting_core.lifting.network import FRAMES, RATE, LifterSize
-from fitting_core.lifting.weights import read_lifter
+from fitting_core.lifting.network import FRAMES, RATE, LifterSize, read_lifter
 from tests.build_assets.captured import DEEPMIMIC_NUMBERS, deepmimic_frames, write_deepmimic
 
 pytestmark = pytest.mark.thorough

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
-from fitting_core.clip import Clip, OtherView
+from fitting_core.clip import Clip, OtherView, Relation
 from fitting_core.config.schema import PRESETS
 from fitting_core.ground.arrays import grounding_arrays
 from fitting_core.ground.contacts import Contacts
@@ -17,7 +17,6 @@ from fitting_core.ground.gravity import Gravity
 from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.plane import Ground
 from fitting_core.keypoints import COUNT, FINGER_JOINTS, GROUPS, PARTS, Keypoints
-from fitting_core.relation import Relation
 from fitting_core.results.error_bars import ErrorBars, error_bar_arrays
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.results.provenance import Provenance

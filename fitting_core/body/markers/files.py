@@ -19,8 +19,7 @@ from fitting_core.body.markers.joint_centres import CENTRES
 from fitting_core.body.markers.marker_set import NAMED, RADIUS, MarkerSet
 from fitting_core.body.markers.places import PLACES
 from fitting_core.errors import InputError
-from fitting_core.files.regular import regular_file
-from fitting_core.files.toml_text import parsed_toml
+from fitting_core.files.regular import parsed_toml, regular_file
 
 _MOST_BYTES, _MOST_MARKERS, _LONGEST = 2**20, 200, 60
 _FARTHEST = 100.0

@@ -19,7 +19,7 @@ import cv2
 import msgspec
 
 from fitting_core.errors import some_of
-from fitting_core.files.toml_text import parsed_toml
+from fitting_core.files.regular import parsed_toml
 from fitting_core.io.cameras.calibration import OPENCV_FIRST_PIXEL, Calibration, calibration, text_of
 from fitting_core.io.cameras.transforms import is_transforms, read_transforms
 

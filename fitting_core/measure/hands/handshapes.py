@@ -17,8 +17,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.errors import InputError
-from fitting_core.files.regular import regular_file
-from fitting_core.files.toml_text import parsed_toml
+from fitting_core.files.regular import parsed_toml, regular_file
 from fitting_core.keypoints import GROUPS, Side
 
 FARTHEST = 30.0

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.camera import Camera, is_possible, is_rotation
-from fitting_core.clip import Clip, OtherView
+from fitting_core.clip import Clip, OtherView, Relation
 from fitting_core.errors import InputError
 from fitting_core.keypoints import (
     BODY_25,
@@ -28,7 +28,6 @@ from fitting_core.keypoints import (
     Keypoints,
     PartOfPerson,
 )
-from fitting_core.relation import Relation
 from tcfit_app.project.edits.base import EditBase, Point, choice_problem, count_problem, packed_problem, place
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.keyframes import carried, keyed

@@ -14,13 +14,12 @@ from scipy.spatial.transform import Rotation
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera, project
-from fitting_core.clip import OtherView
+from fitting_core.clip import OtherView, Relation
 from fitting_core.clips import other_views
 from fitting_core.detect.detecting import DetectionProgress
 from fitting_core.detect.found import Tell
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, INDEX, Keypoints
-from fitting_core.relation import Relation
 from tcfit_app.analysis.suspicion import ReviewQueue
 from tcfit_app.analysis.view_scale import scale_of
 from tcfit_app.fitting.fits import FitChoice

@@ -16,7 +16,7 @@ from fitting_core.config.schema import POSE_PRIORS, PRESETS, FitConfig
 from fitting_core.config.settings import RANGES, Range, changed, settings, value_of, without_effect
 from fitting_core.config.toml import as_toml, parsed
 from fitting_core.errors import InputError
-from fitting_core.files.toml_text import parsed_toml
+from fitting_core.files.regular import parsed_toml
 from fitting_core.priors.files.registry import list_priors
 from tcfit_app.project.storage.run_record import Source, by_name
 from tcfit_app.review.gestures.fitting import camera_of

@@ -9,14 +9,13 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import body_keypoints_in_space
 from fitting_core.camera import path_of
-from fitting_core.clip import Clip, OtherView
+from fitting_core.clip import Clip, OtherView, Relation
 from fitting_core.config.schema import PRESETS
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.views.evidence import points_in_space
 from fitting_core.ground.gravity import angles_to
 from fitting_core.measure.limbs import limb_pa_mpjpe
-from fitting_core.relation import Relation
 from tests.samples.two_views import camera_at, motion, seen_from, without
 
 AZIMUTHS = 10, 80

@@ -7,11 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fitting_core.camera import path_of
-from fitting_core.clip import Clip, OtherView
+from fitting_core.clip import Clip, OtherView, Relation
 from fitting_core.errors import InputError
 from fitting_core.fit.views.pose import meeting, misses
 from fitting_core.fit.views.relating import related
-from fitting_core.relation import Relation
 from tests.samples.two_views import camera_at, motion, seen_from
 
 
