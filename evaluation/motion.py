@@ -10,7 +10,7 @@ import msgspec
 import torch
 
 from evaluation.options import MotionOptions
-from evaluation.suite_runs import done_tasks, fit_key, fit_seconds, fitted_body, keep_fit
+from evaluation.suite_runs import PHASE_1, done_tasks, fit_key, fit_seconds, fitted_body, keep_fit
 from evaluation.synthetic.motion_suite.clips import make_motion, motion_sequences
 from evaluation.synthetic.motion_suite.depth_figures import (
     DEPTH_CURVES,
@@ -28,7 +28,6 @@ from fitting_core.files.atomic import replacing
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused import ready
 from fitting_core.io.result_files import read_fit
-from fitting_core.measure.records import PHASE_1
 from tcfit_app.options.fit import MethodOptions, fit_config
 from tcfit_app.options.preparing import compile_kernels
 

@@ -30,12 +30,14 @@ from fitting_core.io.summary import versions
 from fitting_core.io.truth import Truth
 from fitting_core.measure.comparison import Comparison, compare
 from fitting_core.measure.pairing import PosedMotion
-from fitting_core.measure.records import BASELINE, PHASE_1, Record
+from fitting_core.measure.records import BASELINE, Record
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.reference import Reference
 from fitting_core.results.fit_result import FitResult
 from fitting_core.shipped import FREE_FOLDER, LIFTER
 
+PHASE_1 = ", phase 1"
+"""Ends the names of methods' first phases."""
 MEASURES = 2
 """To be raised whenever figures are measured differently: then stored fits are measured again."""
 Task = TypeVar("Task")

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -48,18 +47,18 @@ def read_people(
 
     Args and errors as in `read_clip`; a choice of one person is refused.
     """
-    video = None if video is None else Path(video)
-    keypoints = None if keypoints is None else Path(keypoints)
     if clip.person is not None:
         raise InputError(f"`person` is {clip.person}; expected none when everybody is read.")
     shot = read_shot(video, keypoints, clip, camera, detector=detector, tell=tell)
-    found = find_all_people(shot.detections, frame_rate=shot.frame_rate, first_frame=shot.first_frame, most=MOST_PEOPLE)
-    of_places = check_inside(_together(found.people), shot.size)
-    seen = shot.camera(max(found.people, key=lambda one: one.prominence).keypoints)
+    found, omitted = find_all_people(
+        shot.detections, frame_rate=shot.frame_rate, first_frame=shot.first_frame, most=MOST_PEOPLE
+    )
+    of_places = check_inside(_together(found), shot.size)
+    seen = shot.camera(max(found, key=lambda one: one.prominence).keypoints)
     people = []
-    for number, one in enumerate(found.people, 1):
+    for number, one in enumerate(found, 1):
         about = _about(one, number, shot)
-        notes = (_note(about, one, len(found.people)), *([found.note] if found.note else []), *of_places)
+        notes = (_note(about, one, len(found)), *([omitted] if omitted else []), *of_places)
         whole = shot.clip(one.keypoints, seen, entries=one.entries, notes=notes)
         people.append(PersonInClip(about=about, clip=_part(whole, one.frames, about), name=shot.name))
     return people
@@ -71,7 +70,7 @@ def people_of(people: Sequence[PersonInClip]) -> People:
     return People(name=name or "?", people=tuple(one.about for one in people))
 
 
-def _together(people: tuple[FoundPerson, ...]) -> Keypoints:
+def _together(people: list[FoundPerson]) -> Keypoints:
     return Keypoints(
         xy=np.concatenate([one.keypoints.xy for one in people]),
         confidence=np.concatenate([one.keypoints.confidence for one in people]),

@@ -1,7 +1,8 @@
 """Read a clip: frames, keypoints and camera combined into the fit's input."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +61,7 @@ class Shot:
         """The camera, with focal length, vertical and scale estimated if not known otherwise."""
         from fitting_core.ground.from_pictures import camera_from_pictures  # loads torch
 
-        seen = self.given.camera(self.size, self.frames, scale_by(keypoints, self.frame_rate))
+        seen = self.given.camera(self.size, self.frames, partial(_path_scale, keypoints, self.frame_rate))
         known = told_by_files(seen, self.images) if self.given.automatic else seen
         straight, _ = straightened_keypoints(keypoints, seen.lens)
         pictures = self.pictures or (self.images and SampledPictures(self.images, self.frames.numbers, seen))
@@ -93,8 +94,8 @@ class Shot:
 
 
 def read_shot(
-    video: Path | None,
-    keypoints: Path | None,
+    video: StrPath | None,
+    keypoints: StrPath | None,
     clip: ClipOptions,
     camera: CameraOptions,
     *,
@@ -103,7 +104,8 @@ def read_shot(
 ) -> Shot:
     """A clip except for the choice of person; arguments and errors as in `read_clip`."""
     given = CameraGiven.of(camera)
-    images, keypoint_path = locate(video, keypoints)
+    video = None if video is None else Path(video)
+    images, keypoint_path = locate(video, None if keypoints is None else Path(keypoints))
     if keypoint_path is None:
         assert video is not None and images is not None
         return _searched(_empty_shot(video, images, clip, given), images, detector or clip.detector, tell)
@@ -190,8 +192,6 @@ def read_clip(
         InputError: A file is missing or broken, options contradict each other, nothing was detected, or the detector is
             not on this computer.
     """
-    video = None if video is None else Path(video)
-    keypoints = None if keypoints is None else Path(keypoints)
     shot = read_shot(video, keypoints, clip, camera, detector=detector, tell=tell)
     found, choice = choose_person(
         shot.detections, person=clip.person, first_frame=shot.first_frame, frame_rate=shot.frame_rate
@@ -314,18 +314,9 @@ def told_by_files(camera: Camera, images: Path | None) -> Camera | None:
     return replace(camera, focal=(focal, focal), focal_from=FocalFrom.PHOTOGRAPHS, source=source)
 
 
-def scale_by(keypoints: Keypoints, frame_rate: float) -> Callable[[Camera], PathScale | None]:
-    """Returns a function that estimates the scale of a moving camera's path.
+def _path_scale(keypoints: Keypoints, frame_rate: float, camera: Camera) -> PathScale | None:
+    """The scale of a moving camera's path, by the keypoints of the whole clip as filmed, with distortion."""
+    from fitting_core.ground.path_scale import estimate_path_scale  # loads torch
 
-    Args:
-        keypoints: Of the whole clip, as filmed, with distortion.
-        frame_rate: Frames per second.
-    """
-
-    def scale_of(camera: Camera) -> PathScale | None:
-        from fitting_core.ground.path_scale import estimate_path_scale  # loads torch
-
-        straight, _ = straightened_keypoints(keypoints, camera.lens)
-        return estimate_path_scale(straight.xy, straight.confidence, camera, frame_rate)
-
-    return scale_of
+    straight, _ = straightened_keypoints(keypoints, camera.lens)
+    return estimate_path_scale(straight.xy, straight.confidence, camera, frame_rate)

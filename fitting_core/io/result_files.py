@@ -65,9 +65,8 @@ from fitting_core.io.view_arrays import keypoint_array, keypoints_from, view_arr
 from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.motion import Motion
 from fitting_core.results.error_bars import ErrorBars, error_bar_arrays, error_bars_from
-from fitting_core.results.fit_result import FitResult, stopped_note
+from fitting_core.results.fit_result import FitResult, size_from, stopped_note
 from fitting_core.results.provenance import STARTS, STOPS, Provenance
-from fitting_core.results.size import size_from
 
 RESULT_NAMES = FIT_NAME, SUMMARY_NAME, OVERLAY_NAME = "fit.npz", "summary.json", "overlay.mp4"
 _SUMMARY_BYTES = 2**24

@@ -15,8 +15,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.io.result_files import SUMMARY_NAME, StoredFit, read_fit
-from fitting_core.results.fit_result import FitResult, PhaseResult
-from fitting_core.results.size import earlier_size
+from fitting_core.results.fit_result import FitResult, PhaseResult, earlier_size
 
 _MOST_BYTES = 1 << 24
 

@@ -11,9 +11,6 @@ from fitting_core.measure.comparison import Comparison, statistic_of
 BASELINE = "SMPLify-X"
 """Every frame on its own, with that method's weights."""
 
-PHASE_1 = ", phase 1"
-"""Ends the names of methods' first phases."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Record:

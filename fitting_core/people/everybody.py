@@ -43,17 +43,11 @@ class FoundPerson:
         return range(found[0], found[-1] + 1)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Everybody:
-    """All people of a clip, in the order in which they appear; those who appear together from left to right."""
-
-    people: tuple[FoundPerson, ...]
-    note: str
-    """Omitted detections, for the user; empty without any."""
-
-
-def find_all_people(detections: Detections, *, frame_rate: float, first_frame: int = 0, most: int = _MOST) -> Everybody:
-    """Track all people of a clip. Raises InputError if no person is visible for a quarter of a second.
+def find_all_people(
+    detections: Detections, *, frame_rate: float, first_frame: int = 0, most: int = _MOST
+) -> tuple[list[FoundPerson], str]:
+    """All people of a clip, in the order in which they appear, those who appear together from left to right; and a note
+    for the user on omitted detections. Raises InputError if no person is visible for a quarter of a second.
 
     Args:
         detections: In pixels.
@@ -82,8 +76,7 @@ def find_all_people(detections: Detections, *, frame_rate: float, first_frame: i
         notes.append(f"In frames {spans(crowded)} more than {_MOST} people are detected; the largest were followed.")
     if len(everybody) > most:
         notes.append(f"{len(everybody)} people are found; the {most} largest and surest were taken.")
-    found = tuple(found_person(person, detections, tracked, frame_rate) for person in people)
-    return Everybody(people=found, note=" ".join(notes))
+    return [found_person(person, detections, tracked, frame_rate) for person in people], " ".join(notes)
 
 
 @dataclass(frozen=True, kw_only=True)

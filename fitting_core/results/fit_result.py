@@ -1,5 +1,6 @@
 """The result of a fit."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.ground.grounding import Grounding
+from fitting_core.lifting.clip_lifting import LIFTED_HEIGHT
 from fitting_core.results.error_bars import ErrorBars
 from fitting_core.results.given_start import GivenStart
 from fitting_core.results.provenance import Provenance
@@ -76,3 +78,17 @@ class FitResult:
 def stopped_note(phase: int) -> str:
     """About a fit of which this was the last phase that finished, for users."""
     return f"This fit was stopped, and is only what phase {phase} found. Fit the clip again for a finished result."
+
+
+def size_from(arrays: Mapping[str, np.ndarray]) -> float | None:
+    """`FitResult.size` of a stored fit; None in files of earlier versions. Raises ValueError if it is no person's."""
+    if "size" not in arrays:
+        return None
+    if not 0.1 < (size := float(arrays["size"])) < 10:
+        raise ValueError(f"its size is {size:g}, expected 0.1 to 10")
+    return size
+
+
+def earlier_size(config: FitConfig) -> float | None:
+    """`FitResult.size` of fits of earlier versions, which took a given height from the beginning."""
+    return None if config.height is None else config.height / 100 / LIFTED_HEIGHT

@@ -54,13 +54,9 @@ PARTS: dict[str, dict[int, list[int]]] = {
 }
 """By the list's key (with or without "_2d"): its possible layouts, as number of points -> indices among the 137."""
 
-_WRITTEN = {
-    "pose_keypoints": BODY,
-    "face_keypoints": FACE,
-    "hand_left_keypoints": LEFT_HAND,
-    "hand_right_keypoints": RIGHT_HAND,
-}
-"""The lists in OpenPose's own order."""
+_IN_ORDER = ("pose_keypoints", "face_keypoints", "hand_left_keypoints", "hand_right_keypoints")
+_WRITTEN = {key: next(iter(PARTS[key].values())) for key in _IN_ORDER}
+"""The whole lists in OpenPose's own order."""
 
 _ADVICE = "run the detector again, or remove the file so that its frame counts as not detected"
 
@@ -223,7 +219,7 @@ def write_all_people(
     return paths
 
 
-def _entry(points: Float[np.ndarray, "137 3"], parts: dict[str, slice]) -> dict[str, list]:
+def _entry(points: Float[np.ndarray, "137 3"], parts: dict[str, list[int]]) -> dict[str, list]:
     points = np.where(points[:, 2:] > 0, points, 0.0)
     lists = {f"{key}_2d": points[parts[key]].ravel().tolist() if key in parts else [] for key in _WRITTEN}
     return {"person_id": [-1], **lists}

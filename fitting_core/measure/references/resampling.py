@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from fitting_core.frame_runs import runs_where
 from fitting_core.measure.references.reference import Reference
 
 _TINY = 1e-6
@@ -29,12 +30,11 @@ def interpolated(values: Float[np.ndarray, "T N D"], moments: Float[np.ndarray, 
     patterns, owners = np.unique(known, axis=1, return_inverse=True)
     for i, pattern in enumerate(patterns.T):
         points = np.flatnonzero(owners.ravel() == i)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], pattern, [False]]).astype(np.int8)))
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):
-            inside = np.flatnonzero((moments >= start - _TINY) & (moments <= stop - 1 + _TINY))
+        for run in runs_where(pattern):
+            inside = np.flatnonzero((moments >= run.start - _TINY) & (moments <= run.stop - 1 + _TINY))
             if len(inside):
-                run = values[start:stop][:, points]
-                found[np.ix_(inside, points)] = _between(run, (moments[inside] - start).clip(0, stop - start - 1))
+                within = (moments[inside] - run.start).clip(0, len(run) - 1)
+                found[np.ix_(inside, points)] = _between(values[run][:, points], within)
     return found
 
 

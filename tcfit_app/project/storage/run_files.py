@@ -33,10 +33,9 @@ from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
 from fitting_core.results.error_bars import error_bar_arrays, error_bars_from
-from fitting_core.results.fit_result import FitResult, PhaseResult
+from fitting_core.results.fit_result import FitResult, PhaseResult, earlier_size, size_from
 from fitting_core.results.given_start import GivenStart, StartRecord
 from fitting_core.results.provenance import Provenance
-from fitting_core.results.size import earlier_size, size_from
 from tcfit_app.project.storage.accessing import accessing
 
 FORMAT = "tcfit run 1"

@@ -13,7 +13,7 @@ from fitting_core.detections import Detections
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT
 from fitting_core.people import following
-from fitting_core.people.everybody import Everybody, find_all_people
+from fitting_core.people.everybody import FoundPerson, find_all_people
 from fitting_core.people.following import MOST_FOLLOWED, tracks_of
 from fitting_core.people.following import Sighting
 
@@ -21,19 +21,19 @@ Figure = Callable[..., np.ndarray]
 RATE = 25.0
 
 
-def found(frames: list[list[np.ndarray]], rate: float = RATE) -> Everybody:
+def found(frames: list[list[np.ndarray]], rate: float = RATE) -> tuple[list[FoundPerson], str]:
     people = tuple(np.array(frame).reshape(-1, 137, 3) for frame in frames)
     stems = tuple(f"a_{t}" for t in range(len(people)))
     return find_all_people(Detections(frames=people, stems=stems, source=Path("a")), frame_rate=rate, first_frame=100)
 
 
-def noses(everybody: Everybody) -> list[np.ndarray]:
+def noses(everybody: list[FoundPerson]) -> list[np.ndarray]:
     """Where the nose of each is, by frame; NaN where it is not seen."""
-    return [np.where(one.keypoints.confidence[:, 0] > 0, one.keypoints.xy[:, 0, 0], np.nan) for one in everybody.people]
+    return [np.where(one.keypoints.confidence[:, 0] > 0, one.keypoints.xy[:, 0, 0], np.nan) for one in everybody]
 
 
-def uncertain(everybody: Everybody) -> list[set[int]]:
-    return [{t for span in one.uncertain for t in span} for one in everybody.people]
+def uncertain(everybody: list[FoundPerson]) -> list[set[int]]:
+    return [{t for span in one.uncertain for t in span} for one in everybody]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -43,10 +43,10 @@ def test_who_cross_in_plain_sight_are_told_apart_without_a_doubt(figure: Figure,
     for t in range(60):
         both = [figure(200 + 10 * t, 300), figure(800 - 10 * t, 270, height=180)]
         frames.append([both[k] for k in rng.permutation(2)])
-    everybody = found(frames)
+    everybody, note = found(frames)
     one, other = noses(everybody)
     assert np.array_equal(one, 200 + 10 * np.arange(60.0)) and np.array_equal(other, 800 - 10 * np.arange(60.0))
-    assert everybody.note == "" and [one.frames for one in everybody.people] == [range(60), range(60)]
+    assert note == "" and [one.frames for one in everybody] == [range(60), range(60)]
     # Only the frames in which both are in one place can be doubtful.
     assert all(frames <= set(range(27, 34)) for frames in uncertain(everybody))
 
@@ -57,7 +57,7 @@ def test_who_is_hidden_in_a_crossing_goes_on_and_is_named(figure: Figure):
     for t in range(80):
         a, b = figure(100 + 10 * t, 300), figure(900 - 10 * t, 300)
         frames.append([a] if 34 <= t < 46 else [b, a])
-    everybody = found(frames)
+    everybody, _ = found(frames)
     one, other = noses(everybody)
     assert np.array_equal(one, 100 + 10 * np.arange(80.0))
     assert np.nanmin(other) == 110 and np.isnan(other[34:46]).all() and not np.isnan(other[46:]).any()
@@ -72,7 +72,7 @@ def test_an_exchange_that_nobody_could_see_is_named(figure: Figure):
         far = 20 + 10 * abs(t - 40)
         both = [figure(500 - far, 300), figure(500 + far, 300)]
         frames.append([] if 36 <= t <= 44 else both)
-    assert all({40} <= named for named in uncertain(found(frames)))
+    assert all({40} <= named for named in uncertain(found(frames)[0]))
 
 
 WAYS: dict[str, Callable[[np.ndarray], list[np.ndarray]]] = {
@@ -107,7 +107,7 @@ def test_every_exchange_is_named(figure: Figure, scene: str, seed: int, exchange
         noise = rng.normal(0, 4, (len(ways), 2))
         frames.append([figure(ways[k][t] + noise[k, 0], 300 + noise[k, 1], height=heights[k]) for k in order])
         owners.append(order)
-    people = found(frames, RATE / 2).people
+    people, _ = found(frames, RATE / 2)
     whose = [[(t, owners[t][k]) for t, k in enumerate(one.entries) if k is not None] for one in people]
     exchanges = 0
     for one, known in zip(people, whose, strict=True):
@@ -125,17 +125,17 @@ def test_one_of_two_who_leaves_and_comes_back_is_the_same_and_it_is_said(figure:
         stays = figure(300, 300)
         x = 700 + 20 * t if t < 30 else 1280 - 20 * (t - 130)
         frames.append([stays, figure(x, 300)] if x < 1280 and not 30 <= t < 130 else [stays])
-    everybody = found(frames)
-    assert len(everybody.people) == 2
-    assert everybody.people[1].frames == range(0, 200)
+    everybody, _ = found(frames)
+    assert len(everybody) == 2
+    assert everybody[1].frames == range(0, 200)
     assert uncertain(everybody) == [set(), set(range(28, 132))] or uncertain(everybody)[1] >= set(range(35, 125))
 
 
 def test_of_two_who_are_away_a_like_one_is_somebody_new(figure: Figure):
     """Nothing tells which of both it is that comes back: it is nobody's guess."""
     gone = [[figure(300, 300), figure(800, 300)]] * 30 + [[]] * 60
-    everybody = found([*gone, *[[figure(550, 300)]] * 30])
-    assert [one.frames for one in everybody.people] == [range(30), range(30), range(90, 120)]
+    everybody, _ = found([*gone, *[[figure(550, 300)]] * 30])
+    assert [one.frames for one in everybody] == [range(30), range(30), range(90, 120)]
 
 
 def test_a_person_detected_twice_is_one(figure: Figure):
@@ -145,17 +145,17 @@ def test_a_person_detected_twice_is_one(figure: Figure):
         again = figure(103 + 2 * t, 302, confidence=0.5)
         again[rng.permutation(25)[:8]] = 0
         frames.append([again, figure(100 + 2 * t, 300)])
-    everybody = found(frames)
-    assert len(everybody.people) == 1 and everybody.people[0].entries == (1,) * 40
+    everybody, _ = found(frames)
+    assert len(everybody) == 1 and everybody[0].entries == (1,) * 40
 
 
 def test_a_flash_is_nobody_and_that_is_said(figure: Figure):
     frames = [[figure(100, 300)] for _ in range(40)]
     for t in (7, 8, 20):
         frames[t] = [figure(600, 200), *frames[t]]
-    everybody = found(frames)
-    assert len(everybody.people) == 1 and uncertain(everybody) == [set()]
-    assert everybody.note == (
+    everybody, note = found(frames)
+    assert len(everybody) == 1 and uncertain(everybody) == [set()]
+    assert note == (
         "Anybody seen for fewer than 6 frames at a stretch was left out as a false detection, in frames 107-108, 120."
     )
 
@@ -164,7 +164,7 @@ def test_people_are_numbered_as_they_appear_from_left_to_right(figure: Figure):
     """Who appears within a quarter of a second appears together."""
     places = {500: 0, 100: 1, 900: 2, 300: 30}
     frames = [[figure(x, 300) for x, since in places.items() if t >= since] for t in range(60)]
-    assert [one[~np.isnan(one)][0] for one in noses(found(frames))] == [100, 500, 900, 300]
+    assert [one[~np.isnan(one)][0] for one in noses(found(frames)[0])] == [100, 500, 900, 300]
 
 
 @pytest.mark.parametrize("frames", [[], [[]], [[np.zeros((137, 3))]] * 3])
@@ -183,11 +183,11 @@ def test_crowds_take_a_bounded_time(figure: Figure):
     many[:, :25, :2] += rng.uniform(0, 4000, (10_000, 1, 2))
     frames[9] = [*many, *frames[9]]
     begun = time.process_time()
-    everybody = found(frames)
+    everybody, note = found(frames)
     assert time.process_time() - begun < 20
     # Where two of them stand in one place they are one.
-    assert 90 <= len(everybody.people) <= 100
-    assert "In frames 109 more than 100 people are detected; the largest were followed." in everybody.note
+    assert 90 <= len(everybody) <= 100
+    assert "In frames 109 more than 100 people are detected; the largest were followed." in note
 
 
 @pytest.mark.thorough
