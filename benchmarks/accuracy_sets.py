@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.clips import data_folder, read
 from benchmarks.standing import bend, case, lean
 from evaluation.synthetic.motion_suite.clips import make_motion, motion_sequences
-from evaluation.synthetic.motion_suite.depth_figures import DepthRecord, depth_figures, measured
+from evaluation.synthetic.motion_suite.depth_figures import LIMB_JOINTS, DepthRecord, depth_figures, measured
 from fitting_core import keypoints as kp
 from fitting_core import metrics
 from fitting_core.body.markers.joint_centres import joint_centres_in_space
@@ -24,7 +24,6 @@ from fitting_core.clips.reading import read_clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.measure.limbs import HIPS, Limbs, limb_figures, limb_pa_mpjpe
-from fitting_core.measure.pairing import LIMB_JOINTS
 from fitting_core.measure.references.points import read_points
 from fitting_core.measure.references.reference import Reference
 from fitting_core.measure.references.resampling import at_frames_of

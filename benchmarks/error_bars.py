@@ -23,6 +23,7 @@ from benchmarks.accuracy_sets import PHONES, in_time, opencap, phone_clip
 from benchmarks.clips import read
 from benchmarks.report import Common, Row, progress, report, start
 from evaluation.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
+from evaluation.synthetic.motion_suite.depth_figures import LIMB_JOINTS
 from fitting_core import keypoints as kp
 from fitting_core.body.markers.joint_centres import joint_centres_in_space
 from fitting_core.body.model import JOINT, BodyModel
@@ -38,7 +39,6 @@ from fitting_core.fit.uncertainty.calibration import part_of
 from fitting_core.fit.uncertainty.deviations import deviations
 from fitting_core.measure.angles.joint_angles import joint_angles
 from fitting_core.measure.limbs import HIPS, Limbs, turned
-from fitting_core.measure.pairing import LIMB_JOINTS
 from fitting_core.motion import Motion
 from fitting_core.results.error_bars import ANGLES, DIRECTIONS, JOINTS, WIDER, ErrorBars
 

@@ -18,6 +18,7 @@ from tyro.conf import OmitArgPrefixes
 from benchmarks.clips import data_folder, read
 from benchmarks.report import Common, Row, progress, report, start
 from evaluation.synthetic.motion_suite.clips import make_motion, motion_sequences
+from evaluation.synthetic.motion_suite.depth_figures import LIMB_JOINTS
 from fitting_core import keypoints as kp
 from fitting_core import metrics
 from fitting_core.body.model import BodyModel
@@ -29,7 +30,6 @@ from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.views.relating import related
 from fitting_core.keypoints import Keypoints
 from fitting_core.measure.limbs import HIPS, Limbs, limb_pa_mpjpe
-from fitting_core.measure.pairing import LIMB_JOINTS
 from fitting_core.world_camera import WorldCamera, read_world_camera
 
 _PAIR = ("cam03", "cam04")

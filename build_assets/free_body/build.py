@@ -19,7 +19,7 @@ from build_assets.free_body.skin.correctives import pose_correctives
 from build_assets.free_body.skin.skinning import Skinning, joints_of_bone, skin_body
 from build_assets.free_body.skin.surface import Surface, VertexOrder, order_vertices, read_surface
 from build_assets.free_body.skin.surface_keypoints import SMPLX_VERTICES, pick_surface_keypoints
-from fitting_core.body.files.former import moved_along_bones
+from fitting_core.body.files.former import bones_lengthened
 from fitting_core.body.files.forms import PARENTS
 from fitting_core.body.geometry import MIRROR
 from fitting_core.body.model import JOINT, JOINTS
@@ -97,7 +97,9 @@ def build_body(layout: Layout, gender: str, report: Callable[[float], object] = 
     bodies = _sample(layout, gender, random, lambda share: report(0.7 * share))
     space = shape_space(bodies)
     regressor = joint_regressor(bodies, layout.expressions, layout.skinning.weights, parents, mirror)
-    regressor = moved_along_bones(regressor)
+    made = regressor.copy()  # MakeHuman's joints
+    for start, end, share in bones_lengthened():
+        regressor[end] = (1 + share) * made[end] - share * made[start]
     report(0.8)
     joints = regressor @ space.mean
     correctives = pose_correctives(space.mean, joints, parents, layout.skinning, mirror, random)

@@ -22,8 +22,6 @@ _NEAR = 0.01
 """Metres: points nearer to the camera's plane, or behind it, are in no image."""
 BODY_JOINTS = list(range(JOINT["right_wrist"] + 1))
 """The 22 joints of trunk and limbs."""
-LIMB_JOINTS = [JOINT[kp.NAMES[i]] for i in kp.LIMBS]
-"""SMPL-X's joints of the same names as `keypoints.LIMBS`."""
 _FINE = set(JOINTS[JOINT["right_wrist"] + 1 :])
 """Joints of fingers and face, which are left out of comparisons of joints."""
 _HIPS = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]

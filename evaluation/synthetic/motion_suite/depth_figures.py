@@ -9,11 +9,13 @@ from jaxtyping import Float
 
 from evaluation.synthetic.motion_suite.clips import MotionClipMade
 from evaluation.synthetic.motion_suite.windows import speeds
+from fitting_core import keypoints as kp
 from fitting_core import metrics
 from fitting_core.body.model import JOINT
 from fitting_core.measure.limbs import HIPS
-from fitting_core.measure.pairing import LIMB_JOINTS
 
+LIMB_JOINTS = [JOINT[kp.NAMES[i]] for i in kp.LIMBS]
+"""SMPL-X's joints of the same names as `keypoints.LIMBS`."""
 LIMB_PARTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 _ANKLES = [JOINT["left_ankle"], JOINT["right_ankle"]]
 _FEWEST = 4

@@ -9,9 +9,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
 
-import numpy as np
-from jaxtyping import Float
-
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import JOINT, BodyModel, KeypointOffset
 from fitting_core.shipped import FREE_FOLDER
@@ -44,14 +41,6 @@ _KEYPOINTS = {
 """By the joint that moves it and the former joint: from there to the keypoint on the left side, metres."""
 
 
-def moved_along_bones(regressor: Float[np.ndarray, "55 V"]) -> Float[np.ndarray, "55 V"]:
-    """The joint regressor of the free body, from one that finds MakeHuman's joints."""
-    moved = regressor.copy()
-    for start, end, share in _bones():
-        moved[end] = (1 + share) * regressor[end] - share * regressor[start]
-    return moved
-
-
 def is_former(digest: str) -> bool:
     """Whether a former free body's file had this SHA-256."""
     return digest in _FORMER
@@ -80,12 +69,13 @@ def former_body(digest: str) -> BodyModel | None:
         return None
     body = load_body(FREE_FOLDER / _FORMER[digest])
     regressor = body.joint_regressor.copy()
-    for start, end, share in _bones():  # a knee before the ankle below it
+    for start, end, share in bones_lengthened():  # a knee before the ankle below it
         regressor[end] = (regressor[end] + share * regressor[start]) / (1 + share)
     return replace(body, joint_regressor=regressor, keypoint_offsets=_offsets(), hash=digest)
 
 
-def _bones() -> Iterator[tuple[int, int, float]]:
+def bones_lengthened() -> Iterator[tuple[int, int, float]]:
+    """First and second joint, and how much farther the second one lies than MakeHuman has it, as a share."""
     for (start, end), share in _FARTHER.items():
         for side in ("left", "right"):
             yield JOINT[f"{side}_{start}"], JOINT[f"{side}_{end}"], share

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from evaluation.synthetic.motion_suite.depth_figures import LIMB_JOINTS
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import BodyModel
@@ -17,7 +18,6 @@ from fitting_core.fit.plausibility import other_height, small_adult
 from fitting_core.fit.refitting import refit
 from fitting_core.fit.size import height_of
 from fitting_core.measure.limbs import limb_pa_mpjpe
-from fitting_core.measure.pairing import LIMB_JOINTS
 from fitting_core.results.fit_result import FitResult
 from fitting_core.results.given_start import KnownShape
 from fitting_core.shipped import FREE_FOLDER
