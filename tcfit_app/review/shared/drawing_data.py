@@ -13,12 +13,11 @@ from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.camera import project as in_picture
-from fitting_core.clip import Clip, OtherView
+from fitting_core.clip import Clip, OtherView, Relation
 from fitting_core.errors import InputError
 from fitting_core.ground.from_pictures import StraightLines, straight_lines
 from fitting_core.ground.level import Level, level_of
 from fitting_core.metrics import error_figures
-from fitting_core.relation import Relation
 from tcfit_app.analysis.curves import Curve, between_runs, curve
 from tcfit_app.analysis.levels import LevelSpans, level_spans
 from tcfit_app.analysis.meshes import Meshes

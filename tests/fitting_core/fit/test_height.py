@@ -84,7 +84,7 @@ def test_a_height_scales_body_and_distance_and_leaves_picture_and_pose(
     clip = posed_clip(motion(6))
     sized = fit_clip(clip, free_body, replace(LIFTED, height=height))
     for phase in (2, 3):
-        before, after = (fit.phase(phase).params for fit in (of_any_height, sized))  # pyright: ignore[reportOptionalMemberAccess]
+        before, after = (fit.chosen(phase).params for fit in (of_any_height, sized))
         ratio = float(height / 100 / height_of(free_body, before.betas[0].numpy()))
         assert height_of(free_body, after.betas.numpy()) == pytest.approx(height / 100)
         joints, scaled = (joints_in_space(free_body, each)[:, :22] for each in (before, after))

@@ -3,10 +3,10 @@
 import re
 from pathlib import Path
 
-import pympi
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pympi.Elan import Eaf
 
 from fitting_core.errors import InputError
 from fitting_core.io.eaf import Annotation, Tier, frames_of, milliseconds_of, read_eaf, write_eaf
@@ -46,7 +46,7 @@ def test_it_is_written_as_before(written: Path):
 
 
 def test_another_program_reads_the_same(written: Path):
-    eaf = pympi.Elan.Eaf(str(written))
+    eaf = Eaf(str(written))
     assert list(eaf.get_tier_names()) == [tier.name for tier in TIERS]
     assert eaf.get_annotation_data_for_tier("Left phase") == [(0, 80, "hold"), (80, 120, "move")]
     assert [a[:3] for a in eaf.get_ref_annotation_data_for_tier("Left distance")] == [(0, 80, "3°"), (80, 120, "4°")]
@@ -69,7 +69,7 @@ def test_what_xml_cannot_have_is_replaced(tmp_path: Path):
 
 
 def test_another_program_s_file(tmp_path: Path):
-    eaf = pympi.Elan.Eaf(author="me")
+    eaf = Eaf(author="me")
     eaf.add_tier("gloss")
     eaf.add_linguistic_type("child", constraints="Symbolic_Association", timealignable=False)
     eaf.add_tier("meaning", ling="child", parent="gloss")

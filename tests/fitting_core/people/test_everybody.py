@@ -14,8 +14,7 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT
 from fitting_core.people import following
 from fitting_core.people.everybody import FoundPerson, find_all_people
-from fitting_core.people.following import MOST_FOLLOWED, tracks_of
-from fitting_core.people.following import Sighting
+from fitting_core.people.following import MOST_FOLLOWED, Sighting, tracks_of
 
 Figure = Callable[..., np.ndarray]
 RATE = 25.0

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from unittest.mock import MagicMock
 
-import pympi
 import pytest
 import viser
+from pympi.Elan import Eaf
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
@@ -78,7 +78,7 @@ def test_what_was_said_is_in_tiers_that_do_not_overlap(exported: Path):
 
 
 def test_hands_fill_the_clip_and_shapes_have_distances(exported: Path):
-    eaf = pympi.Elan.Eaf(str(exported))
+    eaf = Eaf(str(exported))
     for hand in ("Left", "Right"):
         phases = eaf.get_annotation_data_for_tier(f"{hand} hand phase")
         assert phases[0][0] == round(1000 * FIRST / RATE) and {p[2] for p in phases} <= {"movement", "hold", "rest"}
