@@ -18,11 +18,11 @@ from tyro.conf import OmitArgPrefixes, Positional
 from build_assets.lifter.figure import Figure
 from build_assets.lifter.filming import Studio
 from build_assets.lifter.motions import Corpus, Windows, training_clips
-from build_assets.lifter.training import Schedule, Training, score
+from build_assets.lifter.training import Schedule, Training, score, write_lifter
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
 from fitting_core.errors import InputError
-from fitting_core.lifting.network import LifterSize, write_lifter
+from fitting_core.lifting.network import LifterSize
 from fitting_core.shipped import FREE_FOLDER
 
 _JUDGED = 8

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import torch
 from jaxtyping import Float
@@ -15,8 +16,9 @@ from torch import Tensor
 from build_assets.lifter.filming import Film, Studio
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
+from fitting_core.files.npz import write_npz
 from fitting_core.files.regular import regular_file
-from fitting_core.lifting.network import Lifted, Lifter, LifterSize
+from fitting_core.lifting.network import FORMAT, FRAMES, RATE, AboutLifter, Lifted, Lifter, LifterSize
 from fitting_core.lifting.rays import seen
 
 _WARM_UP = 200
@@ -244,3 +246,11 @@ def _read_checkpoint(path: Path, of: Mapping[str, object]) -> dict[str, Any]:
             f"go on with it, or delete it to start again."
         )
     return state
+
+
+def write_lifter(path: Path, network: Lifter, *, error_factor: float, notes: str) -> None:
+    """Write a network atomically, at half the precision of its training."""
+    of_windows = {"frames": FRAMES, "rate": RATE, **asdict(network.size)}
+    about = AboutLifter(format=FORMAT, error_factor=error_factor, notes=notes, **of_windows)
+    halves = {name: values.detach().cpu().numpy().astype(np.float16) for name, values in network.state_dict().items()}
+    write_npz(path, {"about": np.array(msgspec.json.encode(about).decode()), **halves})

@@ -19,7 +19,7 @@ from evaluation.synthetic.simulated_detector import detect, visible
 from evaluation.synthetic.studio.clothing import Outfit
 from evaluation.synthetic.studio.studio import CAMERA, STOOL_MIDDLE, VIEW, Studio
 from evaluation.synthetic.studio.view import View
-from evaluation.synthetic.truth import truth_of
+from evaluation.synthetic.truth import truth_of, write_truth
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
 from fitting_core.body.geometry import vertex_normals
@@ -30,7 +30,7 @@ from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera
 from fitting_core.clips.demo import DemoClip, clip_in
 from fitting_core.io.keypoints.openpose import write_openpose
-from fitting_core.io.truth import Truth, write_truth
+from fitting_core.io.truth import Truth
 from fitting_core.shipped import DEMO_FOLDER, FREE_FOLDER
 from fitting_core.video.encoding import video_writer
 from fitting_core.world_camera import in_camera

@@ -23,7 +23,7 @@ from evaluation.synthetic.motions.waving import waving
 from evaluation.synthetic.simulated_detector import Detector, detect, flesh_of, visible
 from evaluation.synthetic.studio.rasterize import rasterize
 from evaluation.synthetic.studio.view import View
-from evaluation.synthetic.truth import truth_of
+from evaluation.synthetic.truth import truth_of, write_truth
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
 from fitting_core.body.mesh import shared_mesh
@@ -32,7 +32,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
-from fitting_core.io.truth import Truth, read_truth, write_truth
+from fitting_core.io.truth import Truth, read_truth
 from fitting_core.shipped import FREE_FOLDER
 from fitting_core.world_camera import in_camera
 

@@ -1,4 +1,7 @@
-"""The ground truth of a generated clip, from its body and its camera."""
+"""The ground truth of a generated clip, from its body and its camera, and writing it."""
+
+from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -7,7 +10,10 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.camera import Camera, project
-from fitting_core.io.truth import Truth
+from fitting_core.files.npz import write_npz
+from fitting_core.io.truth import CAMERA_KEYS, Truth
+
+_PLAIN = ("joints", "keypoints", "visible", "exists", "frame_rate", "body_hash")
 
 
 def truth_of(body: BodyModel, params: BodyParams, camera: Camera, frame_rate: float) -> Truth:
@@ -25,3 +31,14 @@ def truth_of(body: BodyModel, params: BodyParams, camera: Camera, frame_rate: fl
         frame_rate=frame_rate,
         body_hash=body.hash,
     )
+
+
+def write_truth(path: Path, truth: Truth) -> None:
+    """Write a truth as npz.
+
+    Arrays are stored under the names of Truth's fields; those of params under their own, those of camera with a prefix.
+    """
+    params = {f.name: getattr(truth.params, f.name).numpy() for f in fields(BodyParams)}
+    camera = {f"camera_{name}": np.array(getattr(truth.camera, name)) for name in CAMERA_KEYS}
+    rest = {name: np.array(getattr(truth, name)) for name in _PLAIN}
+    write_npz(path, {**params, **camera, **rest})

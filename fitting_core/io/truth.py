@@ -10,10 +10,9 @@ from jaxtyping import Bool, Float
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
-from fitting_core.files.npz import read_npz, write_npz
+from fitting_core.files.npz import read_npz
 
-_PLAIN = ("joints", "keypoints", "visible", "exists", "frame_rate", "body_hash")
-_CAMERA = ("focal", "center", "size", "source")
+CAMERA_KEYS = ("focal", "center", "size", "source")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,22 +34,12 @@ class Truth:
     """Of the body model's file."""
 
 
-def write_truth(path: Path, truth: Truth) -> None:
-    """Write a truth as npz.
-
-    Arrays are stored under the names of Truth's fields; those of params under their own, those of camera with a prefix.
-    """
-    params = {f.name: getattr(truth.params, f.name).numpy() for f in fields(BodyParams)}
-    camera = {f"camera_{name}": np.array(getattr(truth.camera, name)) for name in _CAMERA}
-    rest = {name: np.array(getattr(truth, name)) for name in _PLAIN}
-    write_npz(path, {**params, **camera, **rest})
-
-
 def read_truth(path: Path) -> Truth:
-    """Read what `write_truth` wrote. Raises InputError if it is not such a file."""
+    """Read the truth of a generated clip, as `evaluation.synthetic.truth` writes it. Raises InputError if it is not
+    such a file."""
     try:
         values = read_npz(path)
-        (fx, fy), (cx, cy), (width, height), source = (values[f"camera_{name}"].tolist() for name in _CAMERA)
+        (fx, fy), (cx, cy), (width, height), source = (values[f"camera_{name}"].tolist() for name in CAMERA_KEYS)
         return Truth(
             params=BodyParams(**{f.name: torch.as_tensor(values[f.name]) for f in fields(BodyParams)}),
             camera=Camera(focal=(fx, fy), center=(cx, cy), size=(width, height), source=source),

@@ -1,7 +1,7 @@
 """The network: a transformer over the frames of a window; and its file, an npz of arrays by name and `about`, JSON."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from fitting_core.errors import InputError
-from fitting_core.files.npz import read_npz, write_npz
+from fitting_core.files.npz import read_npz
 from fitting_core.lifting.rays import N_FEATURES, POINTS
 from fitting_core.shipped import LIFTER
 
@@ -119,18 +119,10 @@ class AboutLifter(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         return self.width % max(self.heads, 1) == 0 and math.isfinite(self.error_factor) and self.error_factor > 0
 
 
-def write_lifter(path: Path, network: Lifter, *, error_factor: float, notes: str) -> None:
-    """Write a network atomically, at half the precision of its training."""
-    of_windows = {"frames": FRAMES, "rate": RATE, **asdict(network.size)}
-    about = AboutLifter(format=FORMAT, error_factor=error_factor, notes=notes, **of_windows)
-    halves = {name: values.detach().cpu().numpy().astype(np.float16) for name, values in network.state_dict().items()}
-    write_npz(path, {"about": np.array(msgspec.json.encode(about).decode()), **halves})
-
-
 @lru_cache(maxsize=2)
 def read_lifter(path: Path = LIFTER) -> tuple[Lifter, float]:
-    """The network that `write_lifter` wrote, and its error factor. Raises InputError if it is missing, damaged, or has
-    the wrong form."""
+    """A lifter's network, as `build_assets.lifter` writes it, and its error factor. Raises InputError if it is missing,
+    damaged, or has the wrong form."""
     try:
         arrays = read_npz(path, most=2**26)
         about = msgspec.json.decode(str(arrays.pop("about")), type=AboutLifter)

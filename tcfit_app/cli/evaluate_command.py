@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 
-from fitting_core.body.markers.files import read_marker_set
+from fitting_core.body.markers.marker_set import read_marker_set
 from fitting_core.errors import InputError, printable
 from fitting_core.measure.references.files import read_reference
 from tcfit_app.cli.json_lines import Note, StepProgress, emit, emit_figures, emit_wrote

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import torch
 
-from fitting_core.body.markers.files import read_marker_set
-from fitting_core.body.markers.marker_set import STANDARD
+from fitting_core.body.markers.marker_set import STANDARD, read_marker_set
 from fitting_core.errors import InputError, printable
 from fitting_core.io.people_file import PEOPLE_NAME, People, holds_people, read_people_file
 from fitting_core.motion import Progress

@@ -25,14 +25,14 @@ from evaluation.synthetic.motion_suite.windows import (
 )
 from evaluation.synthetic.studio.view import View
 from evaluation.synthetic.suite import SUBJECTS, Subject, in_view, subject_body
-from evaluation.synthetic.truth import truth_of
+from evaluation.synthetic.truth import truth_of, write_truth
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalFrom, default_focal
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.io.truth import Truth, read_truth, write_truth
+from fitting_core.io.truth import Truth, read_truth
 from fitting_core.world_camera import in_camera
 
 Choice = TypeVar("Choice")

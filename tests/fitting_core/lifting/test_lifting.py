@@ -7,13 +7,14 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from build_assets.lifter.training import write_lifter
 from fitting_core import keypoints as kp
 from fitting_core.body.model import other_side
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz, write_npz
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
-from fitting_core.lifting.network import FRAMES, RATE, Lifter, LifterSize, read_lifter, write_lifter
+from fitting_core.lifting.network import FRAMES, RATE, Lifter, LifterSize, read_lifter
 from fitting_core.lifting.rays import N_FEATURES, POINTS, seen
 
 CAMERA = Camera(focal=(900.0, 940.0), center=(410.0, 395.0), size=(800, 800))

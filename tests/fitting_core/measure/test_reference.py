@@ -7,14 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evaluation.synthetic.truth import write_truth
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.camera import Camera, World, path_of
 from fitting_core.errors import InputError
+from fitting_core.files.npz import write_npz
 from fitting_core.io.motion.animation_npz import write_animation_npz
-from fitting_core.io.truth import Truth, write_truth
+from fitting_core.io.truth import Truth
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.files import read_reference
 from fitting_core.measure.references.points import keypoint_named
@@ -151,6 +153,7 @@ def test_the_truth_of_a_generated_clip(tmp_path: Path, free_body: BodyModel):
     write_truth(tmp_path / "truth.npz", truth)
     found = read_reference(tmp_path)
     assert found.in_camera and found.body is not None and found.body.hash == free_body.hash
+    assert found.joints is not None
     np.testing.assert_allclose(found.joints, truth.joints, atol=1e-9)
     write_truth(tmp_path / "truth.npz", replace(truth, body_hash="0" * 64))
     with pytest.raises(InputError, match="not on this computer"):
@@ -172,7 +175,7 @@ def test_amass_of_any_make_is_the_same_reference(tmp_path: Path, camera: Path, f
     params = random_params(3)
     arrays = amass(free_body, replace(params, betas=params.betas[:1].expand(3, -1)))
     arrays["body_hash"] = np.array(free_body.hash)
-    np.savez(tmp_path / "a.npz", **arrays)
+    write_npz(tmp_path / "a.npz", arrays)
     expected = read_reference(tmp_path / "a.npz", camera=camera)
     ends = {
         "root_orient": (0, 3),
@@ -187,11 +190,11 @@ def test_amass_of_any_make_is_the_same_reference(tmp_path: Path, camera: Path, f
         "mocap_frame_rate": np.array([100.0]),
         "betas": np.repeat(arrays["betas"][None], 3, axis=0),
     }
-    np.savez(tmp_path / "b.npz", **changed)
-    np.savez(tmp_path / "c.npz", **parts, **{k: v for k, v in changed.items() if k != "poses"})
+    write_npz(tmp_path / "b.npz", changed)
+    write_npz(tmp_path / "c.npz", parts | {k: v for k, v in changed.items() if k != "poses"})
     for name in ("b.npz", "c.npz"):
         found = read_reference(tmp_path / name, camera=camera)
-        assert found.frame_rate == 100
+        assert found.frame_rate == 100 and found.joints is not None and expected.joints is not None
         np.testing.assert_allclose(found.joints, expected.joints, atol=1e-12)
         np.testing.assert_allclose(found.points, expected.points, atol=1e-12)
 
@@ -201,20 +204,20 @@ def test_tcfits_own_export_of_any_world_gets_into_the_camera(tmp_path: Path, fre
     motion = swinging(free_body)
     write_animation_npz(tmp_path / "a.npz", motion.in_axes(axes))
     found = read_reference(tmp_path / "a.npz")
-    assert found.in_camera and found.first_frame == motion.first_frame
+    assert found.in_camera and found.first_frame == motion.first_frame and found.joints is not None
     np.testing.assert_allclose(found.joints, joints_in_space(free_body, motion.params), atol=1e-6)
 
 
 def test_amass_needs_the_official_model(tmp_path: Path, free_body: BodyModel):
     arrays = amass(free_body, random_params(3))
-    np.savez(tmp_path / "a.npz", **arrays)
+    write_npz(tmp_path / "a.npz", arrays)
     with pytest.raises(InputError, match="official neutral SMPLX model"):
         read_reference(tmp_path / "a.npz")
     arrays["poses"] = arrays["poses"][:, :156]
-    np.savez(tmp_path / "h.npz", **arrays)
+    write_npz(tmp_path / "h.npz", arrays)
     with pytest.raises(InputError, match="SMPL-H"):
         read_reference(tmp_path / "h.npz")
-    np.savez(tmp_path / "w.npz", **(arrays | {"poses": arrays["poses"][:, :72]}))
+    write_npz(tmp_path / "w.npz", arrays | {"poses": arrays["poses"][:, :72]})
     with pytest.raises(InputError, match=r"72 columns .*, expected 165 \(SMPL-X\)"):
         read_reference(tmp_path / "w.npz")
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evaluation.synthetic.truth import write_truth
 from fitting_core import keypoints as kp
 from fitting_core.body.markers.joint_centres import joint_centres_in_space
 from fitting_core.body.model import BodyModel
@@ -15,7 +16,7 @@ from fitting_core.body.points.positions import joints_in_space, keypoints_in_spa
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.io.result_files import write_result
-from fitting_core.io.truth import Truth, write_truth
+from fitting_core.io.truth import Truth
 from fitting_core.keypoints import Keypoints
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.results.fit_result import FitResult, PhaseResult

@@ -224,7 +224,7 @@ def test_of_a_camera_that_moves_no_place_is_written(moving: Motion, tmp_path: Pa
 
 
 def test_a_set_of_ones_own(moving: Motion, tmp_path: Path):
-    from fitting_core.body.markers.files import read_marker_set
+    from fitting_core.body.markers.marker_set import read_marker_set
 
     content = {"radius": 12.5, "markers": {"cluster1": 5000, "Knee": "LKNE", "centre": "left_knee"}}
     (tmp_path / "own.json").write_text(json.dumps(content))

@@ -9,8 +9,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.markers.files import read_marker_set
-from fitting_core.body.markers.marker_set import STANDARD, MarkerSet, marker_places
+from fitting_core.body.markers.marker_set import STANDARD, MarkerSet, marker_places, read_marker_set
 from fitting_core.body.markers.places import PLACES, standard_vertices
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
