@@ -4,6 +4,7 @@ The balancing clips with shifts and at other frame rates, their lens known or es
 captured motion of the suite from two sides.
 
     python -m benchmarks.views --angles --shifts 0 13.5         only the balancing clips
+    python -m benchmarks.views --angles --detected              the same from the own detector's points
     python -m benchmarks.views --no-fits                        only pose and offset
 """
 
@@ -15,7 +16,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 from tyro.conf import OmitArgPrefixes
 
-from benchmarks.clips import data_folder, read
+from benchmarks.clips import Focal, data_folder, read
 from benchmarks.report import Common, Row, progress, report, start
 from evaluation.synthetic.motion_suite.clips import make_motion, motion_sequences
 from evaluation.synthetic.motion_suite.depth_figures import LIMB_JOINTS
@@ -43,7 +44,9 @@ class Views:
 
     shifts: tuple[float, ...] = (0.0, 7.0, 13.5)
     """Frames by which cam04 starts later; half frames are interpolated."""
-    focals: tuple[str, ...] = ("auto", "true")
+    focals: tuple[Focal, ...] = ("auto", "true")
+    detected: bool = False
+    """Detect keypoints in the balancing videos instead of reading OpenPose's."""
     heights: tuple[float, ...] = ()
     """Also with these heights given, centimetres."""
     angles: tuple[int, ...] = (30, 60, 90, 150)
@@ -85,7 +88,7 @@ def balancing(options: Views) -> Iterator[Pair]:
     """cam03 with cam04, whose clip starts later or has half the frame rate."""
     one, two = (read_world_camera(data_folder() / "balancing" / name / "camera.npz") for name in _PAIR)
     for focal in options.focals:
-        samples = [read(name, focal="true" if focal == "true" else "auto") for name in _PAIR]
+        samples = [read(name, focal=focal, detected=options.detected) for name in _PAIR]
         first, other = (sample.clip for sample in samples)
         truth = samples[0].truth
         assert truth is not None
