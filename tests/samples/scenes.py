@@ -156,7 +156,7 @@ def with_positions(stages: Stages, seed: int = 0) -> Stages:
     deviations[..., :2][seen] = torch.inf
     held = torch.full_like(o.held_position_deviation, torch.inf)
     held[1:, 1, PARTS.index("heel")] = held[: len(held) - 1, 0, PARTS.index("big_toe")] = 0.02
-    place = position[:, FOOT_POINTS] + torch.tensor([0.0, 0.0, 3.0]).to(position)
+    place = position[:, FOOT_POINTS].to(held) + torch.tensor([0.0, 0.0, 3.0]).to(held)
     known = replace(o, relative_position=position, relative_position_deviation=deviations)
     known = replace(known, held_position=place, held_position_deviation=held)
     return replace(stages, observations=known)

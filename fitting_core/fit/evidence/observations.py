@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int, Int8
+from jaxtyping import Bool, Float, Float32, Int, Int8
 from torch import Tensor
 
 from fitting_core import keypoints as kp
@@ -113,9 +113,10 @@ class Observations:
     """Whether both hips are seen."""
     leg_seen: Bool[Tensor, "T"]
     """Whether hip and knee of one side are seen."""
-    relative_position: Float[Tensor, "T 137 3"]
-    """Keypoints relative to the pelvis, metres in camera axes, where evidence other than the image locates them."""
-    relative_position_deviation: Float[Tensor, "T 137 3"]
+    relative_position: Float32[Tensor, "T 137 3"]
+    """Keypoints relative to the pelvis, metres in camera axes, where evidence other than the image locates them. In
+    single precision, as these two are the largest part of a long clip's evidence."""
+    relative_position_deviation: Float32[Tensor, "T 137 3"]
     """Its standard deviation, metres; infinite where unknown, as for x and y of detected keypoints, for which the
     lifter does not count."""
     depth_by_hand: Bool[Tensor, "T 137"]
@@ -169,7 +170,9 @@ class Observations:
         seen = (confidence > SEEN) & (sides == 0).all(-1)
         depth = as_tensor(keypoints.told_depth, dtype=dtype, device=device)
         by_hand, turn = depth.isfinite(), keypoints.turn
-        position, deviation = (xy.new_full((*confidence.shape, 3), value) for value in (0.0, torch.inf))
+        position, deviation = (
+            xy.new_full((*confidence.shape, 3), value, dtype=torch.float32) for value in (0.0, torch.inf)
+        )
         position[..., 2] = torch.where(by_hand, depth, 0.0)
         deviation[..., 2] = torch.where(by_hand, STATED, deviation[..., 2])
         return Observations(
@@ -231,10 +234,10 @@ class Observations:
             moved, widened = with_kept(self.keypoints.kept, whole, spread[:, kp.BODY, 2])
             kept = (moved != whole).any(-1, keepdims=True)
             located[:, kp.BODY], spread[:, kp.BODY] = moved, np.where(kept, widened, spread[:, kp.BODY])
-        deviation = torch.as_tensor(spread).to(self.xy)
+        deviation = torch.as_tensor(spread).to(self.relative_position)
         deviation[..., 2].masked_fill_(self.depth_by_hand, torch.inf)
         known = deviation.isfinite()
-        points = torch.as_tensor(located).to(self.xy)
+        points = torch.as_tensor(located).to(self.relative_position)
         outvoted = torch.as_tensor(found.outvoted).to(self.xy.device)
         return replace(
             self,

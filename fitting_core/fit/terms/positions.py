@@ -85,14 +85,14 @@ class RelativePosition(_Positions):
         is_z = torch.tensor([False, False, True], device=o.xy.device)
         by_person = o.depth_by_hand[:, i, None] & is_z
         weight, robust = o.xy.new_tensor([evidence_weight(config, s), config.robust_deviations])
-        deviation = o.relative_position_deviation[:, i]
+        place, deviation = (a[:, i].to(o.xy) for a in (o.relative_position, o.relative_position_deviation))
         weight = torch.where(by_person, _TOLD_WEIGHT, weight) / deviation
         if not bool(weight.any()):
             return None
         deviations = torch.where(context.near_start[:, None, None], _START_RHO, robust)
         rho = torch.where(by_person, _TOLD_RHO, deviations) * deviation
         # Nothing is known if the deviation is infinite: any finite rho does, as the weight is 0.
-        return RelativePosition(o.relative_position[:, i], weight, rho.where(rho.isfinite(), 1.0), context.pelvis)
+        return RelativePosition(place, weight, rho.where(rho.isfinite(), 1.0), context.pelvis)
 
     def points(self, e: Estimate) -> Float[Tensor, "B N 3"]:
         """From the pelvis."""
