@@ -186,10 +186,10 @@ def test_no_detection_begins_while_the_camera_changes(
     reading, gone_on = threading.Event(), threading.Event()
     camera = session.project.footage.camera
 
-    def slowly(*_: object) -> tuple[Camera, tuple[str, ...]]:
+    def slowly(*_: object) -> Camera:
         reading.set()
         assert gone_on.wait(60)
-        return replace(camera, source="a file"), ()
+        return replace(camera, source="a file")
 
     monkeypatch.setattr(session_module, "read_camera", slowly)
     task = session.tasks.submit(
