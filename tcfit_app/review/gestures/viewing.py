@@ -1,5 +1,6 @@
 """Other views of the person, added and removed from one browser tab."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -7,7 +8,8 @@ from pathlib import Path
 
 import viser
 
-from fitting_core.clips.options import ClipOptions
+from fitting_core.clips.options import CameraOptions, ClipOptions
+from fitting_core.errors import InputError
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.imports.uploads import kept_as
 from tcfit_app.project.other_view import ProjectView
@@ -28,9 +30,15 @@ class OtherViews:
         self.task = OneTask(tab)
         """Finds keypoints in a video, and relates it to the clip."""
 
-    def add(self, file: Path | viser.UploadedFile) -> None:
-        """Start finding the person in another video, which becomes a view if it shows the same motion."""
+    def add(self, file: Path | viser.UploadedFile, millimetres: str = "") -> None:
+        """Start finding the person in another video, which becomes a view if it shows the same motion.
+
+        Args:
+            file: The video.
+            millimetres: Its camera's 35 mm equivalent focal length, as typed; empty: estimated.
+        """
         tab, session, name = self._tab, self._tab.session, name_of_file(file.name)
+        camera = CameraOptions(focal_length_35mm=_length(millimetres) if millimetres else None)
         tab.refuse_read_only()
         session.refuse_without_keypoints()
         clip = session.project.clip
@@ -43,7 +51,11 @@ class OtherViews:
             options = ClipOptions(detector=clip.detector if clip.detector in DETECTORS else DEFAULT)
             with _on_disk(file) as path:
                 view = read_view(
-                    clip, path, clip=options, tell=lambda now: report(f"{now.done} of {now.total} frames", now.share)
+                    clip,
+                    path,
+                    clip=options,
+                    camera=camera,
+                    tell=lambda now: report(f"{now.done} of {now.total} frames", now.share),
                 )
                 return session.project.add_view(view, copy_media=path is not file, author=tab.author).id
 
@@ -63,6 +75,16 @@ class OtherViews:
     def remove(self, view: ProjectView) -> None:
         """Remove a view; that can be undone."""
         self._correcting.make(self._tab.session.project.removal_of_view(view.id))
+
+
+def _length(text: str) -> float:
+    try:
+        length = float(text)
+    except ValueError:
+        length = math.nan
+    if not 0 < length < math.inf:
+        raise InputError(f"Focal length: {text}; expected millimetres (35 mm equivalent) such as 26, or nothing.")
+    return length
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera, project
 from fitting_core.clip import OtherView, Relation
 from fitting_core.clips import other_views
+from fitting_core.clips.options import CameraOptions
 from fitting_core.detect.detecting import DetectionProgress
 from fitting_core.detect.found import Tell
 from fitting_core.errors import InputError
@@ -165,7 +166,7 @@ def test_why_a_video_is_refused_stays_on_show(tested: LonePage, tiny_body: BodyM
 def test_a_view_that_is_being_read_is_given_up(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
     project, steps = tested.page.tab.session.project, list[int]()
 
-    def endless(first: Any, path: Path, *, clip: Any, tell: Tell) -> OtherView:
+    def endless(first: Any, path: Path, *, clip: Any, camera: Any, tell: Tell) -> OtherView:
         while True:
             steps.append(len(steps))
             tell(DetectionProgress(done=12, total=60, kept=0))
@@ -185,17 +186,21 @@ def test_a_view_that_is_being_read_is_given_up(tested: LonePage, monkeypatch: py
 def test_an_upload_is_read_under_its_own_name_and_kept_in_the_project(
     tested: LonePage, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
 ):
-    seen, project = list[tuple[str, bytes]](), tested.page.tab.session.project
+    seen, project = list[tuple[str, bytes, float]](), tested.page.tab.session.project
 
-    def read(first: Any, path: Path, **more: Any) -> OtherView:
-        seen.append((path.name, path.read_bytes()))
+    def read(first: Any, path: Path, *, camera: CameraOptions, **more: Any) -> OtherView:
+        seen.append((path.name, path.read_bytes(), camera.focal_length_35mm or 0.0))
         made = second_view(tiny_body)
         return replace(made, clip=replace(made.clip, source=path, name=path.stem))
 
     monkeypatch.setattr(other_views, "read_view", read)
-    tested.page.gestures.views.add(viser.UploadedFile(name="../../My kitchen.MOV", content=b"frames"))
+    upload = viser.UploadedFile(name="../../My kitchen.MOV", content=b"frames")
+    for wrong in ("wide", "-26"):
+        with pytest.raises(InputError, match=f"Focal length: {wrong}; expected millimetres"):
+            tested.page.gestures.views.add(upload, wrong)
+    tested.page.gestures.views.add(upload, "26")
     tested.settle()
-    assert seen == [("_.._My kitchen.MOV", b"frames")]
+    assert seen == [("_.._My kitchen.MOV", b"frames", 26.0)]
     (view,) = project.views
     assert view.view.clip.name == "_.._My kitchen" and view.media.path is not None
     assert view.media.path.is_relative_to(project.folder) and view.media.path.read_bytes() == b"frames"

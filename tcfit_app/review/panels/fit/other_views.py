@@ -28,6 +28,7 @@ _SAID = (
 )
 _PATH = TextRow("Video", "On the computer that runs tcfit")
 _UPLOAD = TextRow("Upload a video", "From this browser's computer")
+_LENS = TextRow("Focal length", "35 mm equivalent of its camera, in mm, such as 26; empty: estimated")
 
 
 class ViewList:
@@ -43,11 +44,12 @@ class ViewList:
             self._file = FileInput(
                 tab,
                 "view.add",
-                gestures.views.add,
+                lambda file: gestures.views.add(file, self._file[_LENS.label]),
                 path=_PATH,
                 button="Add this view",
                 missing="Type where the other video is first, or upload it.",
                 upload=_UPLOAD,
+                more=(_LENS,),
             )
             self._going = Board(tab)
 
