@@ -28,7 +28,7 @@ _SAID = (
 )
 _PATH = TextRow("Video", "On the computer that runs tcfit")
 _UPLOAD = TextRow("Upload a video", "From this browser's computer")
-_LENS = TextRow("Focal length", "35 mm equivalent of its camera, in mm, such as 26; empty: estimated")
+_LENS = TextRow("Focal length (mm)", "35 mm equivalent of its camera, such as 26; empty: estimated")
 
 
 class ViewList:
