@@ -36,7 +36,7 @@ from fitting_core.fit.phases.independent import fit_frames
 from fitting_core.fit.phases.limb_flips import mirrored_as_told
 from fitting_core.fit.phases.progress import PhaseStep, TermSampling
 from fitting_core.fit.phases.shared_shape import Sight, fit_shape
-from fitting_core.fit.plausibility import doubts, other_height, small_adult
+from fitting_core.fit.plausibility import doubts, feet_let_go, other_height, small_adult, unswapped_limbs
 from fitting_core.fit.size import height_of, likely_height, resized, with_shape
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import Stages
@@ -48,7 +48,6 @@ from fitting_core.memory import give_back
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.results.given_start import GivenStart, KnownShape
 from fitting_core.results.provenance import Provenance, Start
-from fitting_core.video.frame_names import spans
 
 P = ParamSpec("P")
 Outcome = TypeVar("Outcome")
@@ -409,15 +408,16 @@ class _Fit:
                 *(view.sentence() for view in self.clip.views),
                 *self._unused_views(),
                 *self._start_notes(),
-                *_swap_notes(self.stages, self.clip.first_frame),
+                *unswapped_limbs(self.stages.observations, self.clip.first_frame),
                 *(note for p in self.phases for note in p.notes),
                 *doubts(self.clip, self.phases[-1].params),
                 *small_adult(self.body, self.config.height),
                 *other_height(self.body, self.shape, self.config.height),
             ),
         )
-        result = replace(result, grounding=grounding_of_params(self.stages, result.last.params))
-        return replace(result, warnings=(*result.warnings, *_let_go_notes(result, self.clip.first_frame)))
+        grounding = grounding_of_params(self.stages, result.last.params)
+        warnings = (*result.warnings, *feet_let_go(grounding, self.clip.first_frame))
+        return replace(result, grounding=grounding, warnings=warnings)
 
     def _unused_views(self) -> tuple[str, ...]:
         if not self.clip.views or any(self.config.weights.relative_position):
@@ -445,18 +445,3 @@ def _events(steps: Generator[PhaseStep, None, Outcome], phase: int) -> Generator
         return Iteration(phase=phase, label=step.label, share=done, cost=step.cost, terms=sampling.terms(step))
 
     return (yield from mapped(steps, event))
-
-
-def _let_go_notes(result: FitResult, first_frame: int) -> list[str]:
-    """Of feet that are not held, for the user."""
-    where = "" if result.grounding is None else result.grounding.contacts.let_go_in_words(first_frame)
-    return [f"feet that seem to stand move in the image, and are not held: {where}"] if where else []
-
-
-def _swap_notes(stages: Stages, first_frame: int) -> list[str]:
-    """Notes on unswapped limbs, for the user."""
-    swapped = {name: spans((first_frame + frames).tolist()) for name, frames in stages.observations.swaps.items()}
-    return [
-        f"left and right {name} were swapped in the keypoints and have been unswapped: frames {numbers}"
-        for name, numbers in swapped.items()
-    ]

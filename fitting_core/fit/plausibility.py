@@ -1,12 +1,16 @@
-"""Warnings about meaningless fits, whose numbers look like any others."""
+"""Warnings about fits: those whose numbers hide that they are meaningless, and evidence that does not count as it was
+given."""
 
 import numpy as np
 
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
+from fitting_core.fit.evidence.observations import Observations
+from fitting_core.ground.grounding import Grounding
 from fitting_core.keypoints import BODY, SEEN
 from fitting_core.results.given_start import KnownShape
+from fitting_core.video.frame_names import spans
 
 _FAR, _NEAR = 60.0, 0.25
 """Distances in metres from the camera at which keypoints of people can be found."""
@@ -60,6 +64,21 @@ def other_height(body: BodyModel, shape: KnownShape | None, height: float | None
     if abs(own - height) < _AGREES:
         return ()
     return (f"the shape of {shape.source} is {own:.0f} cm tall, not {height:g} as stated: the shape is used",)
+
+
+def unswapped_limbs(observations: Observations, first_frame: int) -> list[str]:
+    """Sentences about limbs whose left and right were unswapped, with frames counted from `first_frame`."""
+    swapped = {name: spans((first_frame + frames).tolist()) for name, frames in observations.swaps.items()}
+    return [
+        f"left and right {name} were swapped in the keypoints and have been unswapped: frames {numbers}"
+        for name, numbers in swapped.items()
+    ]
+
+
+def feet_let_go(grounding: Grounding | None, first_frame: int) -> list[str]:
+    """A sentence about feet that are not held; empty if there are none."""
+    where = "" if grounding is None else grounding.contacts.let_go_in_words(first_frame)
+    return [f"feet that seem to stand move in the image, and are not held: {where}"] if where else []
 
 
 def _median_size(clip: Clip) -> float | None:
