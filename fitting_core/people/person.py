@@ -68,10 +68,12 @@ def _at(people: list[FollowedPerson], detections: Detections, frame: int, entry:
 
 def _asked(detections: Detections, person: int) -> int:
     """The first frame with a person at the index that an option selects."""
-    if not 0 <= person < detections.most_people:
+    most = detections.most_people
+    if not 0 <= person < most:
+        people, expected = ("one person", "0") if most == 1 else (f"{most} people", f"0 to {most - 1}")
         raise InputError(
-            f"person={person}, but no frame of {detections.source} has more than {detections.most_people} people; "
-            f"expected 0 to {detections.most_people - 1}. Leave the option out to have the person followed."
+            f"person={person}, but no frame of {detections.source} has more than {people}; expected {expected}. Leave "
+            "the option out to have the person followed."
         )
     start = _first_with(detections, person)
     if start is None:

@@ -177,7 +177,7 @@ def _inputs(clip: Clip, body: BodyModel) -> list[str]:
 def report(summary: dict[str, Any]) -> list[str]:
     """The main figures as lines of a table, and the ground."""
     parts = "".join(f"{name:>8}" for name in ERROR_GROUPS)
-    lines = [f"{'':9}{'reprojection px':>18}{parts} (95 %){'jitter mm/frame²':>19}{'seconds':>10}"]
+    lines = [f"{'':9}{'error px, median':>18}{parts} (95 %){'jitter mm/frame²':>19}{'seconds':>10}"]
     for phase, error in summary["reprojection_px"].items():
         found = [error["median"], *(error[f"{name}_p95"] for name in ERROR_GROUPS)]
         median, *off = ("-" if e is None else f"{e:.1f}" for e in found)
