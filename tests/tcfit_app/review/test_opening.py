@@ -391,8 +391,8 @@ def test_garbage_is_collected_again_after_loading():
 
 HEAPS = """
 import ctypes, threading
-from tcfit_app.review.opening import load_app
-load_app()
+from tcfit_app.cli.main import main
+main(['settings'])
 libc = ctypes.CDLL(None)
 libc.fdopen.restype, libc.fdopen.argtypes = ctypes.c_void_p, [ctypes.c_int, ctypes.c_char_p]
 libc.malloc_info.argtypes, libc.fflush.argtypes = [ctypes.c_int, ctypes.c_void_p], [ctypes.c_void_p]

@@ -281,7 +281,7 @@ def as_earlier(folder: Path, *, undone: bool) -> None:
         changes.forget([change])
         changes.add(frames, seen=change.about.seen, edits=change.about.edits)
         write_run(folder / "runs" / "000002.npz", inside)
-        project.runs._set_deleted(2, run.started.isoformat() if undone else None)
+        project.runs._update(2, moment=False, deleted=run.started.isoformat() if undone else None)
         if undone:
             project.undo(author="me")
     file = folder / "runs" / "000002" / "000001.npz"

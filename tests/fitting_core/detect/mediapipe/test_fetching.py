@@ -19,6 +19,7 @@ from fitting_core.detect.mediapipe.fetching import Fetched, FetchProgress, add, 
 from fitting_core.detect.mediapipe.networks import NEEDED, NETWORKS
 from fitting_core.detect.mediapipe.packages import Programs
 from fitting_core.errors import InputError
+from tests.drivers.waiting import until
 from tests.fitting_core.detect.mediapipe.fake_packages import (
     asked,
     fake_programs,
@@ -212,6 +213,14 @@ def test_two_processes_at_once(source: Path, place: Path, tmp_path: Path):
     assert asked(source) == ["download", "pack"] and networks.missing(place) == ()
 
 
+def has_ended(process: int) -> bool:
+    """Whether a process is gone, or one that nobody has asked about; where there is no /proc, it is taken for gone."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except OSError:
+        return True
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
 @pytest.mark.parametrize("sign", ["SIGINT", "SIGKILL"])
 def test_a_process_that_is_ended(source: Path, place: Path, tmp_path: Path, sign: str):
@@ -229,7 +238,9 @@ def test_a_process_that_is_ended(source: Path, place: Path, tmp_path: Path, sign
         assert (source / "beat").stat().st_size == length
         assert list((tmp_path / "temporary").iterdir()) == []
     else:  # nobody could end what it had started
-        os.kill(int((source / "pid").read_text()), signal.SIGKILL)
+        started = int((source / "pid").read_text())
+        os.kill(started, signal.SIGKILL)
+        until(lambda: has_ended(started))  # it may write into the folder that is deleted next
     assert finished(fetch(place, using=fake_programs(source))).added == tuple(NETWORKS)
 
 

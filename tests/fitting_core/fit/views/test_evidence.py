@@ -154,7 +154,7 @@ def test_kept_offsets_move_them_too(free_body: BodyModel) -> None:
     moved = kept - located.points
     assert (moved[:, WRIST, 2] > 0.01).all() and (moved[:, WRIST, 2] < 0.04).all()
     others = np.isfinite(located.deviation) & (np.arange(kp.COUNT) != WRIST)[:, None]
-    assert not moved[others].any()
+    assert np.abs(moved[others]).max() < 1e-6
 
 
 def test_a_fit_without_the_lifter_says_that_views_do_not_count(free_body: BodyModel) -> None:
