@@ -27,6 +27,7 @@ from fitting_core.keypoints import INDEX, Keypoints
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.imports.keypoint_jobs import ImportFiles
+from tcfit_app.project.edits.remarks import WriteNote
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.review.panels import PANELS
@@ -178,7 +179,8 @@ def timeline(review: Reviewing) -> Iterator[str]:
     yield "rows"
     session, author = review.session, review.page.tab.author
     review.app.post(lambda: session.project.marks.set(range(40, 52), "flag", author=author))
-    review.app.post(lambda: session.write_note(range(20, 34), "The left hand is hidden here", author=author))
+    note = WriteNote(frames=tuple(range(20, 34)), text="The left hand is hidden here")
+    review.app.post(lambda: session.project.append(note, author=author))
     show(review, frames=range(60, 81), frame=70)
     yield "marked"
     box = review.tab.locator(".tcfit-strip").bounding_box()

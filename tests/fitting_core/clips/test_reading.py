@@ -186,7 +186,7 @@ WRONG_OPTIONS = {
     "frame rate NaN": ({"frame_rate": float("nan")}, "`frame_rate` is nan; expected"),
     "another image size": ({"image_size": (640, 480)}, "`image_size` is 640 x 480, but .*walk.avi is 320 x 240 pixels"),
     "image of no size": ({"image_size": (0, 480)}, "`image_size` is 0 x 480; expected width and height in whole"),
-    "no such person": ({"person": 4}, "person=4, but no frame of .* has more than 1 people"),
+    "no such person": ({"person": 4}, "person=4, but no frame of .* has more than one person"),
     "unknown scale": ({"keypoint_scale": "percent"}, "`keypoint_scale` is 'percent'; expected one of auto"),
 }  # fmt: skip
 
