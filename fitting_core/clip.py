@@ -67,8 +67,7 @@ class Relation:
     translation: Vector
     """In metres if the person is as tall as the average adult; proportional to the height."""
     offset: float
-    """Seconds: what is at a time in the first clip is at this much later a time in the other, each counted from its
-    first frame."""
+    """Seconds to add to a time in the first clip for the same moment in the other, both from their first frame."""
     rotation_deviation: float
     """Standard deviation, degrees."""
     direction_deviation: float
@@ -80,7 +79,7 @@ class Relation:
     overlap: float
     """Seconds that both show."""
     vertical_off: float
-    """Degrees between what both views say is up."""
+    """Angle between the up directions of both views, degrees."""
 
     @property
     def angle(self) -> float:

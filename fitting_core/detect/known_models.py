@@ -18,7 +18,6 @@ from fitting_core.files.regular import at_home
 ENVIRONMENT = "TCFIT_DETECTORS"
 """Environment variable with the folder of the models, as where several users share them."""
 _SERVER = "https://download.openmmlab.com/mmpose/v1/projects"
-_POSE_LICENCE = "Apache-2.0 (MMPose)"
 _HUMANART = "Apache-2.0 (MMPose); trained on Human-Art, whose annotations are for non-commercial use"
 
 
@@ -30,9 +29,9 @@ class KnownModel:
     title: str
     url: str
     """Official address of the file, or of a ZIP archive with one ONNX file in it."""
-    finds: Literal["points", "boxes"]
+    finds: Literal["points", "boxes"] = "points"
     """Points of one person in a box, or the boxes of people."""
-    licence: str
+    licence: str = "Apache-2.0 (MMPose)"
     """Of the model as its publisher states it; the data it was trained on have terms of their own."""
     size: str
     """Of the download, in words."""
@@ -45,26 +44,20 @@ _TABLE = (
     KnownModel(
         name="dwpose-m",
         title="DWPose-m, 192 x 256",
-        finds="points",
         url=f"{_SERVER}/rtmposev1/onnx_sdk/rtmpose-m_simcc-ucoco_dw-ucoco_270e-256x192-c8b76419_20230728.zip",
-        licence=_POSE_LICENCE,
         size="about 60 MB",
     ),
     KnownModel(
         name="dwpose-l",
         title="DWPose-l, 288 x 384",
-        finds="points",
         url=f"{_SERVER}/rtmposev1/onnx_sdk/rtmpose-l_simcc-ucoco_dw-ucoco_270e-384x288-2438fd99_20230728.zip",
-        licence=_POSE_LICENCE,
         size="125 MB",
         sha256="8cfecfc2226d8e14b510c2fd28442226c518b4d60690535753187877411d4005",
     ),
     KnownModel(
         name="rtmw-l",
         title="RTMW-l, 288 x 384",
-        finds="points",
         url=f"{_SERVER}/rtmw/onnx_sdk/rtmw-dw-x-l_simcc-cocktail14_270e-384x288_20231122.zip",
-        licence=_POSE_LICENCE,
         size="213 MB",
         sha256="bd033156e5104c4f5d2edfe0453e02661e30a2f3da453ec93c8764d561b83054",
     ),

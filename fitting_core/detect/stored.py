@@ -24,8 +24,7 @@ _DIGEST = "digest"
 _VERSION = 3
 """Raised whenever the meaning of the files changes."""
 _MOST_KEPT = 2 << 30
-"""Bytes of detections that are kept, about a million frames of one person; beyond that the least recently used are
-deleted."""
+"""Bytes of detections kept, about a million frames of one person; the least recently used are deleted first."""
 
 
 @dataclass(frozen=True, kw_only=True)

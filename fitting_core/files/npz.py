@@ -18,8 +18,7 @@ _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0
 
 
 def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write arrays by their names, whole or not at all; equal ones give equal bytes. Raises OSError if it cannot be
-    written."""
+    """Write arrays by name, whole or not at all; equal arrays give equal bytes. Raises OSError if that fails."""
     with replacing(path) as draft:
         np.savez_compressed(draft, allow_pickle=False, **arrays)
 

@@ -92,7 +92,7 @@ _DEEP = re.compile(f"(?:{_PART}){{{_DEEPEST}}}")
 
 
 def parsed_toml(text: str) -> dict[str, Any]:
-    """The table that a text holds. Raises ValueError if it is not TOML, or nested deeper than anybody writes it."""
+    """The table that a text holds. Raises ValueError if it is not TOML, or is nested too deeply."""
     if found := _DEEP.search(text):
         line = text.count("\n", 0, found.start()) + 1
         raise ValueError(f"line {line} has a key of more than {_DEEPEST} parts with dots between them")

@@ -1,5 +1,4 @@
-"""Warnings about fits: those whose numbers hide that they are meaningless, and evidence that does not count as it was
-given."""
+"""Warnings about implausible fits, and about evidence that was changed or ignored."""
 
 import numpy as np
 
@@ -67,7 +66,7 @@ def other_height(body: BodyModel, shape: KnownShape | None, height: float | None
 
 
 def unswapped_limbs(observations: Observations, first_frame: int) -> list[str]:
-    """Sentences about limbs whose left and right were unswapped, with frames counted from `first_frame`."""
+    """Warnings about limbs whose left and right were unswapped, with frames counted from `first_frame`."""
     swapped = {name: spans((first_frame + frames).tolist()) for name, frames in observations.swaps.items()}
     return [
         f"left and right {name} were swapped in the keypoints and have been unswapped: frames {numbers}"
@@ -76,7 +75,7 @@ def unswapped_limbs(observations: Observations, first_frame: int) -> list[str]:
 
 
 def feet_let_go(grounding: Grounding | None, first_frame: int) -> list[str]:
-    """A sentence about feet that are not held; empty if there are none."""
+    """A warning about feet that seem to stand but move in the image; empty without such feet."""
     where = "" if grounding is None else grounding.contacts.let_go_in_words(first_frame)
     return [f"feet that seem to stand move in the image, and are not held: {where}"] if where else []
 

@@ -84,8 +84,7 @@ class FrameSource:
         return self.count
 
     def frame(self, index: int) -> UInt8[np.ndarray, "H W 3"]:
-        """Decode one frame as RGB, scaled to the first one's size. Raises InputError if there is no such frame, or it
-        is broken."""
+        """Decode one frame as RGB, scaled to the first one's size. Raises InputError if it is missing or broken."""
         self._check_index(index)
         where = f"{self._decoder.label(index)} of {self.path}"
         try:

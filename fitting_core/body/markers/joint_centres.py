@@ -44,14 +44,12 @@ _BETWEEN: dict[str, tuple[Place, Place, float]] = {
 CENTRES: dict[str, str] = {
     f"{side[0]}{part[0]}JC".upper(): f"{side}_{part}" for side, part in (kp.NAMES[i].split("_") for i in kp.LIMBS)
 }
-"""SMPL-X's joint beside each centre, by the centre's name in laboratories (LHJC, LKJC, ...), in the order of
-`keypoints.LIMBS`."""
+"""SMPL-X's joint beside each centre, by its laboratory name (LHJC, LKJC, ...), in the order of `keypoints.LIMBS`."""
 
 
 @lru_cache(maxsize=4)
 def with_joint_centres(body: BodyModel) -> BodyModel:
-    """The body with the centres in place of the limbs' joints, for places at rest. Where its skin lacks a landmark, the
-    joint stays."""
+    """The body with the centres in place of the limbs' joints, at rest. A joint whose landmark the skin lacks stays."""
     regressor = body.joint_regressor.copy()
     for name in CENTRES.values():
         if (row := _row(body, name)) is not None:

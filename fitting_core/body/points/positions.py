@@ -57,8 +57,9 @@ def _keypoints(body: BodyModel, count: int) -> tuple[BodyPoints, Bool[np.ndarray
 def posed_points(
     points: BodyPoints, body: BodyModel, params: BodyParams, *, together: int = _CHUNK
 ) -> Float[np.ndarray, "T N 3"]:
-    """Points of posed bodies in camera space, metres; contour landmarks by the yaw of each frame's head. So many frames
-    are evaluated together."""
+    """Points of posed bodies in camera space, metres; contour landmarks by the yaw of each frame's head.
+
+    Evaluates `together` frames at a time."""
     params = params.to(dtype=points.dtype, device=points.device)
     chunks = torch.arange(len(params)).split(together)
     return np.concatenate([_posed_chunk(points, body, params[frames]) for frames in chunks])

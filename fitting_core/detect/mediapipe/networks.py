@@ -175,8 +175,7 @@ def write_list(place: Path) -> None:
 
 
 def content(name: str, place: Path | None = None) -> bytes:
-    """The ONNX file of a network. Raises InputError if it is not on this computer, or damaged; the message says how to
-    get it."""
+    """The ONNX file of a network. Raises InputError, which says how to get it, if it is missing or damaged."""
     place = place or folder()
     expected = listed(place).get(name)
     path = onnx_path(name, place)

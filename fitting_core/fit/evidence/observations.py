@@ -29,8 +29,7 @@ ACCURACY = 0.01
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stances:
-    """Points of the feet, as in FOOT_POINTS, held in still space (see `CameraPath`), relative to the camera of each
-    frame."""
+    """Points of the feet (FOOT_POINTS), held in still space (see `CameraPath`), relative to each frame's camera."""
 
     position: Float[np.ndarray, "T 2 4 3"]
     """Metres."""

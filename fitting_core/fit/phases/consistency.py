@@ -55,8 +55,7 @@ class Consistency:
     def _run(
         self, state: State, free: range, label: str, share: tuple[float, float], *, windowed: bool = False
     ) -> Generator[PhaseStep, None, State]:
-        """The frames of `free` after the configured stages, with all others fixed; only frames coupled to them are
-        evaluated."""
+        """The frames of `free` after the configured stages, others fixed; only frames coupled to them are evaluated."""
         near = coupled(free, len(state))
         stages, around = self.stages.within(near), state[near.start : near.stop]
         inner = range(free.start - near.start, free.stop - near.start)

@@ -312,8 +312,7 @@ class _Frames:
     def rounds(
         self, objective: _LastStage, fits: FrameFits, share: tuple[float, float]
     ) -> Generator[PhaseStep, None, FrameFits]:
-        """Frames restart from their neighbours, alternating forwards and backwards. A round takes half as long as the
-        one before."""
+        """Frames restart from their neighbours, forwards and backwards in turn; each round takes half the time."""
         rounds, fresh = self.stages.config.relay_rounds, fits.cost.isfinite()
         for k in range(rounds):
             changed = torch.zeros_like(fresh)
@@ -343,8 +342,7 @@ class _Frames:
         return target[apart], source[apart]
 
     def flip_limbs(self, objective: _LastStage, fits: FrameFits) -> Generator[PhaseStep, None, FrameFits]:
-        """Frames restart with limbs mirrored in depth whose depth is in doubt, one at a time, and keep the lowest
-        cost."""
+        """Frames restart with doubtful limbs mirrored in depth, one at a time, and keep the lowest cost."""
         stages, settings = self.stages, self.stages.config.settings
         flips = LimbFlips(stages)
         quick = make_solver(stages.config.solver, replace(settings, iterations=_FLIP_ITERATIONS, rounds=1))

@@ -104,8 +104,8 @@ def write_contacts(path: Path, motion: Motion) -> None:
 def write_frames_csv(
     path: Path, motion: Motion, about: Iterable[str], columns: Mapping[str, Float[np.ndarray, "T"]], *, digits: int
 ) -> None:
-    """A row for each frame: its number, seconds in the video, and columns with so many digits after the point; empty
-    for NaN. What it is about comes first, in lines that begin with #. Raises OSError as `write_contacts` does."""
+    """Write a row for each frame: its number, seconds in the video, and the columns with `digits` decimals, empty for
+    NaN. Lines of `about` come first, marked with #. Raises OSError as `write_contacts` does."""
     frames = motion.first_frame + np.arange(len(motion))
     with replacing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         file.writelines(f"# {line}\n" for line in about)

@@ -186,8 +186,8 @@ def test_undo_goes_back_behind_what_opening_has_kept(written: list[int], monkeyp
 # --- which edits stood ---
 
 
-def told(steps: list[str]) -> tuple[Standing[int], list[tuple[int, ...]]]:
-    """The states of a log whose entries say their own numbers, and of a short one what stood after each."""
+def replayed(steps: list[str]) -> tuple[Standing[int], list[tuple[int, ...]]]:
+    """The standing entries after these steps, and those after each step (empty for long logs)."""
     standing: Standing[int] = Standing()
     done: list[int] = []
     undone: list[int] = []
@@ -210,7 +210,7 @@ def told(steps: list[str]) -> tuple[Standing[int], list[tuple[int, ...]]]:
 @given(st.lists(st.sampled_from(["say", "say", "remark", "undo", "undo", "redo"]), max_size=60))
 @settings(max_examples=150)
 def test_it_tells_what_a_replay_of_the_log_tells(steps: list[str]):
-    standing, after = told(steps)
+    standing, after = replayed(steps)
     now = set(after[-1])
     remarks = {number for number, step in enumerate(steps, 1) if step == "remark"}
     for seen, then in enumerate(map(set, after)):
@@ -245,7 +245,7 @@ def test_a_hundred_times_as_long_a_log_takes_hardly_longer():
     """Counted for runs that have seen all sorts of states of it: a replay would take a hundred times as many steps."""
 
     def asked(length: int) -> int:
-        standing, after = told((["say"] * 9 + ["undo"]) * (length // 10))
+        standing, after = replayed((["say"] * 9 + ["undo"]) * (length // 10))
         return calls(lambda: [standing.differing(seen) for seen in range(0, len(after), length // 20)])
 
     assert asked(50_000) < 4 * asked(500)

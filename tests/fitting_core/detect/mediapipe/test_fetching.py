@@ -214,7 +214,7 @@ def test_two_processes_at_once(source: Path, place: Path, tmp_path: Path):
 
 
 def has_ended(process: int) -> bool:
-    """Whether a process is gone, or one that nobody has asked about; where there is no /proc, it is taken for gone."""
+    """Whether a process has exited, reaped or not; always true on systems without /proc."""
     try:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
     except OSError:

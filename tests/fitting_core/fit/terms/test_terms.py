@@ -1,5 +1,5 @@
 """Every term of E_o: its value written out by hand; its derivatives, by kernels and in torch, by automatic
-differentiation; all in float64. And what is told of terms elsewhere."""
+differentiation; all in float64. Also how terms are listed elsewhere."""
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property

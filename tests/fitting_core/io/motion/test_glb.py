@@ -130,7 +130,7 @@ def test_what_stops_the_writing_leaves_nothing(tiny_body: BodyModel, tmp_path: P
 
 @pytest.fixture(scope="module")
 def people(free_body: BodyModel) -> list[Motion]:
-    """Frames 12 to 18, and 15 to 19 of somebody who stands elsewhere."""
+    """Frames 12 to 18, and 15 to 19 of a second person at another place."""
     level = Level(turn=make_upright(np.array([0.1, -0.9, -0.4])), height=1.6, text="")
     one, other = swinging(free_body), swinging(free_body, 5, amplitude=0.2)
     moved = replace(other.params, camera_translation=other.params.camera_translation + 1.0)

@@ -291,7 +291,7 @@ def test_sam_3d_body_is_read(kind: str, tmp_path: Path, free_body: BodyModel):
 
 
 def test_sam_3d_body_is_followed(tmp_path: Path, free_body: BodyModel):
-    """From arrays by frame; the body's keypoints lie where its are, whatever focal length each image has."""
+    """Arrays by frame; body keypoints match those of the body under each image's own focal length."""
     params = arms_in_motion(3, depth=3.5)
     people = [sam_people(free_body, params, focal=focal)[t] for t, focal in enumerate((800.0, 700.0, 800.0))]
     keys = ("pred_keypoints_3d", "pred_cam_t", "focal_length")
